@@ -1,0 +1,1 @@
+"""All computation of Fresco: numpy in, numpy out, never any Blender."""

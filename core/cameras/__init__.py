@@ -1,0 +1,5 @@
+"""Central camera models and their files."""
+
+from .base import Camera
+
+__all__ = ["Camera"]

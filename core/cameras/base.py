@@ -1,0 +1,52 @@
+"""What every central camera can do.
+
+Pixels are (u, v), u right, v down; the centre of the top-left pixel is (0, 0), so a frame of width w spans
+-0.5 <= u <= w - 0.5. The camera frame has x right, y down, z forward.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Self
+
+import numpy as np
+
+from ..arrays import ArrayLike, BoolArray, FloatArray
+
+
+class Camera(ABC):
+    """A central camera: a map between pixels and unit viewing rays."""
+
+    width: int
+    height: int
+
+    @abstractmethod
+    def unproject(self, pixels: ArrayLike) -> FloatArray:
+        """Unit viewing rays of pixels: (N,2) -> (N,3) camera frame, NaN rows outside the model's field."""
+
+    @abstractmethod
+    def project_with_jacobian(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Pixels of points and their derivative: (N,3) camera frame -> (N,2), (N,2,3); NaN rows outside."""
+
+    def project(self, points: ArrayLike) -> FloatArray:
+        """Pixels of points: (N,3) camera frame -> (N,2), NaN rows where the model does not see the point.
+
+        A point outside the frame but inside the model's field keeps its (finite) pixel; see `in_frame`.
+        """
+        return self.project_with_jacobian(points)[0]
+
+    @abstractmethod
+    def scaled(self, factor: float) -> Self:
+        """Return the camera of the same photo resized by `factor` (0.5: half as wide and high)."""
+
+    def in_frame(self, pixels: ArrayLike, margin: float = 0.0) -> BoolArray:
+        """Whether pixels lie in the photo, at least `margin` pixels from its edge: (N,2) -> (N,)."""
+        pixels = np.asarray(pixels, dtype=np.float64)
+        u, v = pixels[..., 0], pixels[..., 1]
+        inside: BoolArray = (
+            (u >= margin - 0.5)
+            & (u <= self.width - 0.5 - margin)
+            & (v >= margin - 0.5)
+            & (v <= self.height - 0.5 - margin)
+        )
+        return inside

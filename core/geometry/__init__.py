@@ -1,0 +1,1 @@
+"""Shapes and transforms that every room builds on."""

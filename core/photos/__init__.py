@@ -1,0 +1,5 @@
+"""Photographs: files, EXIF, intrinsics, masks."""
+
+from .view import View
+
+__all__ = ["View"]

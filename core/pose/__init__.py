@@ -1,0 +1,1 @@
+"""Camera poses: from regions, from points, by edges, jointly; with their uncertainty."""

@@ -1,0 +1,1 @@
+"""Image regions, surface regions, growing, proposals."""

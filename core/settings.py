@@ -1,0 +1,32 @@
+"""One frozen dataclass per stage; every threshold is explained where it stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ScanSettings:
+    """Reading and checking a scan."""
+
+    weld_distance: float = 0.0
+    """Vertices closer than this (m) become one; 0 joins only identical ones."""
+
+
+@dataclass(frozen=True)
+class PoseSettings:
+    """Camera poses from regions."""
+
+    overlap_limit: float = 5.0
+    """Largest overlap error (%) at which a pose counts as found (published criterion: 5 %)."""
+
+
+@dataclass(frozen=True)
+class TextureSettings:
+    """Choice of the photo for every face."""
+
+    max_angle: float = 85.0
+    """Largest angle (degrees) between viewing ray and face normal at which a photo is used."""
+
+    uv_tolerance: float = 0.5
+    """Largest distance (pixels) between straight UV edges and the true projection of a face's edges."""

@@ -1,0 +1,1 @@
+"""The best photo for every face: visibility, view selection, UVs, colour, atlas."""
