@@ -1,4 +1,4 @@
-"""What a user can be told: every error that Fresco raises on purpose carries a sentence a surveyor understands."""
+"""What a user can be told: errors that carry a sentence a surveyor understands."""
 
 from __future__ import annotations
 
