@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ..arrays import ArrayLike, FloatArray
 
@@ -31,8 +32,6 @@ def exp_so3(w: ArrayLike) -> FloatArray:
 
 def log_so3(rotation: ArrayLike) -> FloatArray:
     """Rotation vectors from rotation matrices: (...,3,3) -> (...,3) rad, length in [0, pi]."""
-    from scipy.spatial.transform import Rotation
-
     rotation = np.asarray(rotation, dtype=np.float64)
     vector: FloatArray = Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_rotvec()
     return vector.reshape(rotation.shape[:-1])
