@@ -12,10 +12,11 @@ from typing import Self
 import numpy as np
 
 from ..arrays import ArrayLike, BoolArray, FloatArray
+from ..errors import CameraError
 
 
 class Camera(ABC):
-    """A central camera: a map between pixels and unit viewing rays."""
+    """A central camera: a map between pixels and unit viewing rays. Cameras are never changed once made."""
 
     width: int
     height: int
@@ -35,9 +36,24 @@ class Camera(ABC):
         """
         return self.project_with_jacobian(points)[0]
 
-    @abstractmethod
     def scaled(self, factor: float) -> Self:
-        """Return the camera of the same photo resized by `factor` (0.5: half as wide and high)."""
+        """Return the camera of the same photo resized by `factor` (0.5: half as wide and high).
+
+        Pixels become `(pixel + 0.5) * factor - 0.5`; the new size is rounded to whole pixels.
+        """
+        if not (np.isfinite(factor) and factor > 0):
+            raise CameraError(f"A photo can be scaled by a positive factor only, not by {factor}.")
+        width, height = max(1, round(self.width * factor)), max(1, round(self.height * factor))
+        return self._rescaled(width, height, factor, factor)
+
+    def resized(self, width: int, height: int) -> Self:
+        """Return the camera of the same photo resized to exactly `width` x `height` pixels."""
+        width, height = checked_size(width, height)
+        return self._rescaled(width, height, width / self.width, height / self.height)
+
+    @abstractmethod
+    def _rescaled(self, width: int, height: int, sx: float, sy: float) -> Self:
+        """Return the camera with pixels `(u + 0.5) sx - 0.5`, `(v + 0.5) sy - 0.5` and the given size."""
 
     def in_frame(self, pixels: ArrayLike, margin: float = 0.0) -> BoolArray:
         """Whether pixels lie in the photo, at least `margin` pixels from its edge: (N,2) -> (N,)."""
@@ -50,3 +66,10 @@ class Camera(ABC):
             & (v <= self.height - 0.5 - margin)
         )
         return inside
+
+
+def checked_size(width: int, height: int) -> tuple[int, int]:
+    """Frame size as whole numbers, or CameraError."""
+    if int(width) != width or int(height) != height or width < 1 or height < 1:
+        raise CameraError(f"A photo has a whole number of pixels, not {width} x {height}.")
+    return int(width), int(height)

@@ -1,0 +1,250 @@
+"""Lens distortion on the normalised plane: radial (rational), tangential and thin-prism terms.
+
+With x, y on the plane and r^2 = x^2 + y^2:
+
+    x_d = x N(r^2) / D(r^2) + 2 p1 x y + p2 (r^2 + 2 x^2) + s1 r^2 + s2 r^4
+    y_d = y N(r^2) / D(r^2) + p1 (r^2 + 2 y^2) + 2 p2 x y + s3 r^2 + s4 r^4
+    N(s) = 1 + k1 s + k2 s^2 + ...        D(s) = 1 + d1 s + d2 s^2 + ...
+
+OpenCV's k1, k2, p1, p2, k3, k4, k5, k6, s1..s4 are N = (k1, k2, k3), D = (k4, k5, k6).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from ..arrays import ArrayLike, BoolArray, FloatArray
+from ..errors import CameraError
+
+FAR = 1e8
+"""Largest radius on the normalised plane (89.9999994 degrees): beyond it a pixel has no useful ray."""
+
+_DIRECTIONS = 64
+_TABLE_SIZE = 1025
+_NEWTON_STEPS = 60
+_NEWTON_RESIDUAL = 2e-14
+_NEWTON_SMALLEST = 1e-15
+
+
+@dataclass(frozen=True)
+class Distortion:
+    """Brown–Conrady distortion with rational radial and thin-prism terms; the formula heads this module.
+
+    `radial` and `denominator` are the coefficients of N and D after the leading 1, `tangential` is (p1, p2),
+    `prism` is (s1, s2, s3, s4). It is defined inside the disk `r < limit`, on which it is one to one.
+    """
+
+    radial: tuple[float, ...] = ()
+    denominator: tuple[float, ...] = ()
+    tangential: tuple[float, float] = (0.0, 0.0)
+    prism: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+
+    @classmethod
+    def from_opencv(cls, coefficients: ArrayLike) -> Distortion:
+        """Distortion from OpenCV's vector k1, k2, p1, p2, k3, k4, k5, k6, s1..s4 of any shorter length.
+
+        Raises
+        ------
+        CameraError
+            Coefficients that are not finite, too many, or with a tilted sensor (OpenCV's tau).
+        """
+        given = np.asarray(coefficients, dtype=np.float64).ravel()
+        if not np.all(np.isfinite(given)):
+            raise CameraError("The distortion coefficients must be finite numbers.")
+        if given.size > 14:
+            raise CameraError(f"At most 12 distortion coefficients are known, {given.size} were given.")
+        if np.any(given[12:] != 0):
+            raise CameraError("A tilted sensor (tau_x, tau_y) is not supported: calibrate without it.")
+        k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = np.pad(
+            given[:12], (0, max(0, 12 - given.size))
+        ).tolist()
+        return cls(_trimmed(k1, k2, k3), _trimmed(k4, k5, k6), (p1, p2), (s1, s2, s3, s4))
+
+    @property
+    def opencv(self) -> tuple[float, ...]:
+        """OpenCV's vector of 0, 4, 5, 8 or 12 numbers; CameraError if the lens has no form there."""
+        if len(self.radial) > 3 or len(self.denominator) > 3:
+            raise CameraError("This lens has more radial terms than OpenCV's distortion model can hold.")
+        k1, k2, k3 = (*self.radial, 0.0, 0.0, 0.0)[:3]
+        full = (k1, k2, *self.tangential, k3, *(*self.denominator, 0.0, 0.0, 0.0)[:3], *self.prism)
+        length = max((i + 1 for i, value in enumerate(full) if value != 0), default=0)
+        return full[: next(size for size in (0, 4, 5, 8, 12) if size >= length)]
+
+    @cached_property
+    def is_zero(self) -> bool:
+        """Whether the lens does not distort at all."""
+        return not any((*self.radial, *self.denominator, *self.tangential, *self.prism))
+
+    @cached_property
+    def is_radial(self) -> bool:
+        """Whether the distortion is the same in all directions."""
+        return not any((*self.tangential, *self.prism))
+
+    @cached_property
+    def limit(self) -> float:
+        """Radius on the undistorted plane up to which the distortion is one to one (at most `FAR`)."""
+        limit = self._radial_limit
+        return limit if self.is_radial else self._directional_limit(limit)
+
+    @cached_property
+    def _radial_limit(self) -> float:
+        """First radius at which r N / D stops growing or has a pole: roots of two polynomials in r^2."""
+        if not self.radial and not self.denominator:
+            return FAR
+        n, d, s = (
+            Polynomial([1.0, *self.radial]),
+            Polynomial([1.0, *self.denominator]),
+            Polynomial([0.0, 1.0]),
+        )
+        slope = (n + 2 * s * n.deriv()) * d - 2 * s * n * d.deriv()
+        return float(np.sqrt(min(_first_positive_root(slope), _first_positive_root(d), FAR**2)))
+
+    def _directional_limit(self, upper: float) -> float:
+        """First radius at which the symmetric part of the Jacobian loses its definiteness in some direction.
+
+        A map of a convex disk whose Jacobian has a positive definite symmetric part is one to one there.
+        """
+        worst = np.arctan2(-self.tangential[0], -self.tangential[1])  # where the tangential part folds first
+        directions = worst + np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False)
+        low, high = 0.0, float(np.arctan(upper))
+        for _ in range(5):  # every pass narrows the interval 255 times
+            radii = np.tan(np.linspace(low, high, 256))[:, None]
+            j = self._jacobian(radii * np.cos(directions), radii * np.sin(directions))
+            mean, half = (j[0] + j[3]) / 2, np.hypot((j[0] - j[3]) / 2, (j[1] + j[2]) / 2)
+            folded = np.flatnonzero(~np.all(mean > half, axis=1))
+            if folded.size == 0:
+                return float(np.tan(high))
+            first = max(int(folded[0]), 1)
+            angles = np.arctan(radii[:, 0])
+            low, high = float(angles[first - 1]), float(angles[first])
+        return float(np.tan(low))
+
+    def apply(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distort points of the plane: (...), (...) -> the same; NaN outside the disk `r < limit`."""
+        r2 = x * x + y * y
+        np.copyto(r2, np.nan, where=~(r2 < self.limit**2))
+        gain = _horner(self.radial, r2)
+        if self.denominator:
+            gain /= _horner(self.denominator, r2)
+        xd, yd = x * gain, y * gain
+        if any(self.tangential):
+            p1, p2 = self.tangential
+            along = 2 * (p2 * x + p1 * y)  # the terms are P r^2 + 2 (P . x) x with P = (p2, p1)
+            xd += p2 * r2 + along * x
+            yd += p1 * r2 + along * y
+        if any(self.prism):
+            s1, s2, s3, s4 = self.prism
+            xd += r2 * (s1 + s2 * r2)
+            yd += r2 * (s3 + s4 * r2)
+        return xd, yd
+
+    def apply_with_jacobian(
+        self, x: FloatArray, y: FloatArray
+    ) -> tuple[FloatArray, FloatArray, tuple[FloatArray, ...]]:
+        """Distort points and return also d x_d/dx, d x_d/dy, d y_d/dx, d y_d/dy, each (...)."""
+        xd, yd = self.apply(x, y)
+        return xd, yd, self._jacobian(x, y)
+
+    def _jacobian(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, ...]:
+        """Derivatives of `apply` (d x_d/dx, d x_d/dy, d y_d/dx, d y_d/dy), also outside the disk."""
+        r2 = x * x + y * y
+        n, d = _horner(self.radial, r2), _horner(self.denominator, r2)
+        gain = n / d
+        slope = 2 * (_horner_slope(self.radial, r2) - gain * _horner_slope(self.denominator, r2)) / d
+        p1, p2 = self.tangential
+        s1, s2, s3, s4 = self.prism
+        prism_x, prism_y = 2 * s1 + 4 * s2 * r2, 2 * s3 + 4 * s4 * r2
+        mixed = slope * x * y + 2 * (p1 * x + p2 * y)
+        return (
+            gain + slope * x * x + 2 * p1 * y + 6 * p2 * x + prism_x * x,
+            mixed + prism_x * y,
+            mixed + prism_y * x,
+            gain + slope * y * y + 6 * p1 * y + 2 * p2 * x + prism_y * y,
+        )
+
+    def undo(self, xd: FloatArray, yd: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Undistort points of the plane: inverse of `apply`, NaN where no point of the disk is mapped there.
+
+        Newton's method from a tabulated inverse of the radial part; residuals end at rounding error.
+        """
+        xd, yd = np.asarray(xd, dtype=np.float64), np.asarray(yd, dtype=np.float64)
+        rd = np.hypot(xd, yd)
+        radii, distorted, reach = self._table
+        with np.errstate(invalid="ignore", divide="ignore"):
+            start = np.where(rd > 0, np.interp(rd, distorted, radii) / rd, 1.0)
+        x, y = start * xd, start * yd
+        todo = np.flatnonzero(rd <= reach)
+        x_out, y_out = np.full(x.shape, np.nan), np.full(y.shape, np.nan)
+        for _ in range(_NEWTON_STEPS):
+            if todo.size == 0:
+                break
+            done, x_new, y_new = self._newton_step(x.flat[todo], y.flat[todo], xd.flat[todo], yd.flat[todo])
+            x_out.flat[todo[done]], y_out.flat[todo[done]] = x.flat[todo[done]], y.flat[todo[done]]
+            x.flat[todo], y.flat[todo] = x_new, y_new
+            todo = todo[~done]
+        return x_out, y_out
+
+    def _newton_step(
+        self, x: FloatArray, y: FloatArray, xd: FloatArray, yd: FloatArray
+    ) -> tuple[BoolArray, FloatArray, FloatArray]:
+        """Return which points are at their goal already, and all points one step nearer."""
+        xe, ye, (a, b, c, d) = self.apply_with_jacobian(x, y)
+        ex, ey = xd - xe, yd - ye
+        with np.errstate(invalid="ignore", divide="ignore"):
+            det = a * d - b * c
+            dx, dy = (d * ex - b * ey) / det, (a * ey - c * ex) / det
+            # Near a fold the step stays large, near a pole the residual: either may tell that all is said.
+            done: BoolArray = np.hypot(ex, ey) <= _NEWTON_RESIDUAL * (1 + np.hypot(xd, yd))
+            done |= np.hypot(dx, dy) <= _NEWTON_SMALLEST * (1 + np.hypot(x, y))
+            x_new, y_new = x + dx, y + dy
+            # A step out of the disk goes only half of the way to its rim.
+            r, r_new = np.hypot(x, y), np.hypot(x_new, y_new)
+            shrink = np.where(r_new < self.limit, 1.0, (r + self.limit) / 2 / r_new)
+        return done, x_new * shrink, y_new * shrink
+
+    @cached_property
+    def _table(self) -> tuple[FloatArray, FloatArray, float]:
+        """Radii, what the radial part makes of them (increasing), and the largest distorted radius."""
+        radii = np.tan(np.linspace(0, np.arctan(self.limit), _TABLE_SIZE))
+        radii[-1] = self.limit * (1 - 1e-15)
+        gain = _horner(self.radial, radii**2) / _horner(self.denominator, radii**2)
+        distorted = np.maximum.accumulate(radii * gain)
+        extra = 3 * np.hypot(*self.tangential) * self.limit**2
+        extra += np.hypot(*self.prism[::2]) * self.limit**2 + np.hypot(*self.prism[1::2]) * self.limit**4
+        return radii, distorted, float(distorted[-1] + extra)
+
+
+def _trimmed(*coefficients: float) -> tuple[float, ...]:
+    """Coefficients without zeros at their end."""
+    length = max((i + 1 for i, value in enumerate(coefficients) if value != 0), default=0)
+    return coefficients[:length]
+
+
+def _horner(coefficients: tuple[float, ...], s: FloatArray) -> FloatArray:
+    """Evaluate 1 + c1 s + c2 s^2 + ..."""
+    value = np.zeros_like(s)
+    for c in reversed(coefficients):
+        value += c
+        value *= s
+    value += 1.0
+    return value
+
+
+def _horner_slope(coefficients: tuple[float, ...], s: FloatArray) -> FloatArray:
+    """Evaluate the derivative c1 + 2 c2 s + ... of `_horner`."""
+    value = np.zeros_like(s)
+    for power in range(len(coefficients), 0, -1):
+        value *= s
+        value += power * coefficients[power - 1]
+    return value
+
+
+def _first_positive_root(function: Polynomial) -> float:
+    """Smallest positive real root of a polynomial, infinite if it has none."""
+    roots = function.trim().roots()
+    real = roots.real[(np.abs(roots.imag) <= 1e-9 * np.abs(roots)) & (roots.real > 0)]
+    return float(real.min()) if real.size else np.inf

@@ -1,0 +1,108 @@
+"""Cameras that see through a normalised plane: direction -> plane -> distortion -> affine map K -> pixel."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Self
+
+import numpy as np
+
+from ..arrays import ArrayLike, FloatArray
+from ..errors import CameraError
+from .base import Camera, checked_size
+from .distortion import Distortion
+
+PlaneJacobian = tuple[tuple[FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+"""Derivatives of the plane's x and of its y with respect to X, Y, Z."""
+
+
+class PlaneCamera(Camera):
+    """A camera whose pixels are `K (x_d, y_d, 1)`, with (x_d, y_d) the distorted point on a normalised plane.
+
+    Subclasses say how directions meet the plane. `K` (3,3) is upper triangular with last row 0, 0, 1; pixels
+    count from the centre of the top-left one.
+    """
+
+    K: FloatArray
+    distortion: Distortion
+
+    def __init__(self, width: int, height: int, K: ArrayLike, distortion: Distortion):
+        self.width, self.height = checked_size(width, height)
+        self.K = _checked_matrix(K)
+        self.distortion = distortion
+
+    @abstractmethod
+    def _to_plane(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points (...,3) to the undistorted plane: x, y (...), NaN where the model does not see them."""
+
+    @abstractmethod
+    def _to_plane_with_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, PlaneJacobian]:
+        """The same with derivatives."""
+
+    @abstractmethod
+    def _from_plane(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Points of the undistorted plane to unit rays: (...), (...) -> (...,3), NaN outside the field."""
+
+    def project(self, points: ArrayLike) -> FloatArray:
+        """Pixels of points: (N,3) camera frame -> (N,2), NaN rows where the model does not see the point."""
+        x, y = self._to_plane(np.asarray(points, dtype=np.float64))
+        if not self.distortion.is_zero:
+            x, y = self.distortion.apply(x, y)
+        (fx, skew, cx), (_, fy, cy) = self.K[0], self.K[1]
+        pixels = np.empty((*x.shape, 2))
+        np.multiply(x, fx, out=pixels[..., 0])
+        np.multiply(y, fy, out=pixels[..., 1])
+        if skew != 0:
+            pixels[..., 0] += skew * y
+        pixels += (cx, cy)
+        return pixels
+
+    def project_with_jacobian(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Pixels of points and their derivative: (N,3) camera frame -> (N,2), (N,2,3); NaN rows outside."""
+        x, y, (dx, dy) = self._to_plane_with_jacobian(np.asarray(points, dtype=np.float64))
+        jacobian = np.empty((*x.shape, 2, 3))
+        if self.distortion.is_zero:
+            for axis in range(3):
+                jacobian[..., 0, axis], jacobian[..., 1, axis] = dx[axis], dy[axis]
+        else:
+            x, y, (a, b, c, d) = self.distortion.apply_with_jacobian(x, y)
+            for axis in range(3):
+                jacobian[..., 0, axis] = a * dx[axis] + b * dy[axis]
+                jacobian[..., 1, axis] = c * dx[axis] + d * dy[axis]
+            jacobian[~np.isfinite(x)] = np.nan
+        jacobian = self.K[:2, :2] @ jacobian
+        pixels = np.stack([x, y], axis=-1) @ self.K[:2, :2].T + self.K[:2, 2]
+        return pixels, jacobian
+
+    def unproject(self, pixels: ArrayLike) -> FloatArray:
+        """Unit viewing rays of pixels: (N,2) -> (N,3) camera frame, NaN rows outside the model's field."""
+        pixels = np.asarray(pixels, dtype=np.float64)
+        (fx, skew, cx), (_, fy, cy) = self.K[0], self.K[1]
+        y = (pixels[..., 1] - cy) / fy
+        x = (pixels[..., 0] - cx - skew * y) / fx
+        if not self.distortion.is_zero:
+            x, y = self.distortion.undo(x, y)
+        return self._from_plane(x, y)
+
+    def _rescaled(self, width: int, height: int, sx: float, sy: float) -> Self:
+        K = np.diag([sx, sy, 1.0]) @ self.K
+        # Corners of the frame stay corners: u + 0.5 is what scales.
+        K[0, 2], K[1, 2] = (self.K[0, 2] + 0.5) * sx - 0.5, (self.K[1, 2] + 0.5) * sy - 0.5
+        return self._with_matrix(width, height, K)
+
+    @abstractmethod
+    def _with_matrix(self, width: int, height: int, K: FloatArray) -> Self:
+        """Return the same lens with another frame and matrix."""
+
+
+def _checked_matrix(K: ArrayLike) -> FloatArray:
+    """Return a private copy of a camera matrix, or raise CameraError saying what is wrong with it."""
+    matrix = np.array(K, dtype=np.float64)
+    if matrix.shape != (3, 3) or not np.all(np.isfinite(matrix)):
+        raise CameraError("The camera matrix K must be 3 x 3 finite numbers.")
+    if not np.array_equal(matrix[2], (0.0, 0.0, 1.0)) or matrix[1, 0] != 0:
+        raise CameraError("The camera matrix K must have the form [[fx, s, cx], [0, fy, cy], [0, 0, 1]].")
+    if matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
+        raise CameraError("The focal lengths fx and fy in the camera matrix K must be positive.")
+    matrix.setflags(write=False)
+    return matrix
