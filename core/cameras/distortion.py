@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.polynomial import Polynomial
 
 from ..arrays import ArrayLike, BoolArray, FloatArray
 from ..errors import CameraError
@@ -95,12 +94,9 @@ class Distortion:
         """First radius at which r N / D stops growing or has a pole: roots of two polynomials in r^2."""
         if not self.radial and not self.denominator:
             return FAR
-        n, d, s = (
-            Polynomial([1.0, *self.radial]),
-            Polynomial([1.0, *self.denominator]),
-            Polynomial([0.0, 1.0]),
-        )
-        slope = (n + 2 * s * n.deriv()) * d - 2 * s * n * d.deriv()
+        n, d = np.array([1.0, *self.radial]), np.array([1.0, *self.denominator])
+        # The slope of r N / D has, with s = r^2, the sign of (N + 2 s N') D - 2 N s D'; s N' has terms i n_i.
+        slope = np.convolve(n * (1 + 2 * np.arange(n.size)), d) - 2 * np.convolve(n, d * np.arange(d.size))
         return float(np.sqrt(min(_first_positive_root(slope), _first_positive_root(d), FAR**2)))
 
     def _directional_limit(self, upper: float) -> float:
@@ -243,8 +239,8 @@ def _horner_slope(coefficients: tuple[float, ...], s: FloatArray) -> FloatArray:
     return value
 
 
-def _first_positive_root(function: Polynomial) -> float:
-    """Smallest positive real root of a polynomial, infinite if it has none."""
-    roots = function.trim().roots()
+def _first_positive_root(coefficients: FloatArray) -> float:
+    """Smallest positive real root of a polynomial (constant first), infinite if it has none."""
+    roots = np.roots(coefficients[::-1])
     real = roots.real[(np.abs(roots.imag) <= 1e-9 * np.abs(roots)) & (roots.real > 0)]
     return float(real.min()) if real.size else np.inf
