@@ -30,3 +30,26 @@ class TextureSettings:
 
     uv_tolerance: float = 0.5
     """Largest distance (pixels) between straight UV edges and the true projection of a face's edges."""
+
+
+@dataclass(frozen=True)
+class PointSettings:
+    """Camera poses from points with known coordinates."""
+
+    threshold: float = 8.0
+    """Largest distance (pixels) between a picked pixel and its point while the pose is searched for."""
+
+    sigma: float = 1.0
+    """Expected standard deviation (pixels) of a picked pixel; few points cannot tell it themselves."""
+
+    confidence: float = 0.9999
+    """Probability that the search has drawn three good points before it stops."""
+
+    max_samples: int = 20000
+    """Largest number of triples drawn."""
+
+    max_rotation_sigma: float = 3.0
+    """Largest standard deviation (degrees) of the rotation at which a pose counts as determined."""
+
+    seed: int = 0
+    """Start of the random numbers: the same points give the same pose."""

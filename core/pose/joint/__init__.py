@@ -1,0 +1,1 @@
+"""Refinement of all poses together: features matched between photos, met on the scan."""

@@ -1,0 +1,1 @@
+"""Camera poses from points: markers found in photos, surveyed coordinates, hand-picked pairs."""
