@@ -12,6 +12,21 @@ class ScanSettings:
     weld_distance: float = 0.0
     """Vertices closer than this (m) become one; 0 joins only identical ones."""
 
+    unit: float = 1.0
+    """Metres per unit of the file: 0.001 for millimetres, 0.3048 for feet."""
+
+    up: str = "auto"
+    """Axis of the file that points up, "z" or "y"; "auto" is y for glTF, whose definition says so, else z."""
+
+    offset: tuple[float, float, float] | None = None
+    """Metres taken off the coordinates (world = local + offset); None chooses it."""
+
+    offset_limit: float = 10_000.0
+    """An axis with larger coordinates (m) gets an offset: single precision keeps 1 mm up to about 16 km."""
+
+    turn_over: bool = False
+    """Turn all faces over, for a scan whose faces look away from where it was scanned."""
+
 
 @dataclass(frozen=True)
 class PoseSettings:
