@@ -1,0 +1,87 @@
+"""Materials that show photos on the scan, and the one place where pixels become UVs.
+
+One material per photo, made once and used again; its image is the original file. A photo carries the light of
+its day, so the material shows it as it is, without lamps (glTF: unlit).
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ...core.arrays import FloatArray
+
+UV_MAP = "Fresco"
+UNSEEN_NAME = "Fresco unseen"
+UNSEEN_COLOR = (0.36, 0.36, 0.36, 1.0)
+GAIN_ATTRIBUTE = "fresco_gain"
+
+
+def uvs_from_pixels(pixels: FloatArray, width: int, height: int) -> FloatArray:
+    """Blender's UVs of pixels (...,2) in a photo of width x height.
+
+    Core's (0, 0) is the centre of the top-left pixel; Blender's is the corner of the bottom-left one.
+    """
+    uvs = np.empty_like(pixels)
+    uvs[..., 0] = (pixels[..., 0] + 0.5) / width
+    uvs[..., 1] = 1.0 - (pixels[..., 1] + 0.5) / height
+    return uvs
+
+
+def pixels_from_uvs(uvs: FloatArray, width: int, height: int) -> FloatArray:
+    """Core's pixels of Blender's UVs (...,2): the inverse of `uvs_from_pixels`."""
+    pixels = np.empty_like(uvs)
+    pixels[..., 0] = uvs[..., 0] * width - 0.5
+    pixels[..., 1] = (1.0 - uvs[..., 1]) * height - 0.5
+    return pixels
+
+
+def photo_material(
+    name: str, image: bpy.types.Image, existing: bpy.types.Material | None
+) -> bpy.types.Material:
+    """Return the material that shows a photo: the existing one with its image put right, or a new one."""
+    if existing is not None:
+        texture = next((n for n in existing.node_tree.nodes if n.type == "TEX_IMAGE"), None)
+        if texture is not None:
+            texture.image = image
+            return existing
+    material = _empty_material(name)
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    output = nodes.new("ShaderNodeOutputMaterial")
+    output.location = (200, 0)
+    texture = nodes.new("ShaderNodeTexImage")
+    texture.image = image
+    texture.extension = "EXTEND"  # no wrapping at the frame's edge
+    texture.location = (-300, 0)
+    uv_map = nodes.new("ShaderNodeUVMap")
+    uv_map.uv_map = UV_MAP
+    uv_map.location = (-520, -160)
+    links.new(uv_map.outputs["UV"], texture.inputs["Vector"])
+    links.new(texture.outputs["Color"], output.inputs["Surface"])
+    nodes.active = texture  # what the viewport's texture mode shows
+    return material
+
+
+def unseen_material() -> bpy.types.Material:
+    """Return the neutral material of faces that no photo sees."""
+    existing = bpy.data.materials.get(UNSEEN_NAME)
+    if existing is not None:
+        return existing
+    material = _empty_material(UNSEEN_NAME)
+    material.diffuse_color = UNSEEN_COLOR
+    nodes = material.node_tree.nodes
+    output = nodes.new("ShaderNodeOutputMaterial")
+    output.location = (200, 0)
+    shader = nodes.new("ShaderNodeBsdfPrincipled")
+    shader.inputs["Base Color"].default_value = UNSEEN_COLOR
+    shader.inputs["Roughness"].default_value = 1.0
+    shader.location = (-120, 0)
+    material.node_tree.links.new(shader.outputs["BSDF"], output.inputs["Surface"])
+    return material
+
+
+def _empty_material(name: str) -> bpy.types.Material:
+    material = bpy.data.materials.new(name)
+    material.use_nodes = True
+    material.node_tree.nodes.clear()
+    return material

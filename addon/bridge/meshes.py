@@ -1,0 +1,152 @@
+"""Meshes between Blender and numpy, by attributes: with the exact type each transfer is one copy.
+
+Blender's coordinates are metres relative to the scene's offset (`world`); core's are true world coordinates.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ...core.arrays import AnyArray, ArrayLike, BoolArray, FloatArray, IntArray
+from ...core.errors import ScanError
+from .world import matrix_to_array, read_offset
+
+_ATTRIBUTE_TYPES = {
+    np.dtype(np.bool_): "BOOLEAN",
+    np.dtype(np.int32): "INT",
+    np.dtype(np.float32): "FLOAT",
+}
+
+
+def build_mesh(name: str, vertices: ArrayLike, faces: IntArray) -> bpy.types.Mesh:
+    """Create a triangle mesh: (V,3) Blender coordinates in metres, (F,3) int."""
+    mesh = bpy.data.meshes.new(name)
+    fill_mesh(mesh, vertices, faces)
+    return mesh
+
+
+def fill_mesh(mesh: bpy.types.Mesh, vertices: ArrayLike, faces: IntArray) -> None:
+    """Replace all of a mesh's geometry by triangles: (V,3) Blender coordinates in metres, (F,3) int."""
+    mesh.clear_geometry()
+    positions = np.ascontiguousarray(vertices, dtype=np.float32)
+    corners = np.ascontiguousarray(faces, dtype=np.int32)
+    mesh.vertices.add(len(positions))
+    mesh.attributes["position"].data.foreach_set("vector", positions.ravel())
+    mesh.loops.add(corners.size)
+    mesh.polygons.add(len(corners))
+    starts = np.arange(0, corners.size, 3, dtype=np.int32)
+    mesh.polygons.foreach_set("loop_start", starts)
+    mesh.attributes[".corner_vert"].data.foreach_set("value", corners.ravel())
+    mesh.update(calc_edges=True)
+
+
+def is_triangulated(mesh: bpy.types.Mesh) -> bool:
+    """Whether every face has three corners."""
+    return len(mesh.loops) == 3 * len(mesh.polygons) == 3 * len(mesh.loop_triangles)
+
+
+def read_faces(mesh: bpy.types.Mesh) -> IntArray:
+    """Vertex indices (F,3) of a mesh of triangles; `ScanError` if it has other faces."""
+    if len(mesh.polygons) == 0:
+        raise ScanError(f"{mesh.name} has no faces: import a mesh, or mesh the point cloud first.")
+    if not is_triangulated(mesh):
+        raise ScanError(
+            f"{mesh.name} has faces with more than three corners: triangulate it first "
+            "(Edit Mode, Face > Triangulate Faces)."
+        )
+    corners = np.empty(len(mesh.loops), dtype=np.int32)
+    mesh.attributes[".corner_vert"].data.foreach_get("value", corners)
+    return corners.reshape(-1, 3)
+
+
+def read_positions(mesh: bpy.types.Mesh) -> AnyArray:
+    """Vertex coordinates (V,3) float32 in the object's own frame, metres."""
+    positions = np.empty(3 * len(mesh.vertices), dtype=np.float32)
+    mesh.attributes["position"].data.foreach_get("vector", positions)
+    return positions.reshape(-1, 3)
+
+
+def read_world_vertices(scene: bpy.types.Scene, scan: bpy.types.Object) -> FloatArray:
+    """Vertices (V,3) of an object in true world coordinates, metres, in double precision."""
+    matrix = matrix_to_array(scan.matrix_world)
+    local = read_positions(scan.data).astype(np.float64)
+    return local @ matrix[:3, :3].T + matrix[:3, 3] + read_offset(scene)
+
+
+def to_object_frame(scene: bpy.types.Scene, scan: bpy.types.Object, vertices: FloatArray) -> FloatArray:
+    """World vertices (V,3) in metres -> the object's own frame: the inverse of `read_world_vertices`."""
+    matrix = matrix_to_array(scan.matrix_world)
+    relative = vertices - read_offset(scene) - matrix[:3, 3]
+    return relative @ np.linalg.inv(matrix[:3, :3]).T
+
+
+def write_face_attribute(mesh: bpy.types.Mesh, name: str, values: AnyArray) -> None:
+    """Store one value per face (bool, int32 or float32) under a name, replacing what is there."""
+    kind = _ATTRIBUTE_TYPES[values.dtype]
+    attribute = mesh.attributes.get(name)
+    if attribute is not None and (attribute.domain != "FACE" or attribute.data_type != kind):
+        mesh.attributes.remove(attribute)
+        attribute = None
+    if attribute is None:
+        attribute = mesh.attributes.new(name, kind, "FACE")
+    attribute.data.foreach_set("value", np.ascontiguousarray(values))
+
+
+def read_face_attribute(mesh: bpy.types.Mesh, name: str) -> AnyArray | None:
+    """Values per face (F,) of a bool, int or float attribute, or None where there is none of that name."""
+    attribute = mesh.attributes.get(name)
+    if attribute is None or attribute.domain != "FACE":
+        return None
+    types = {kind: dtype for dtype, kind in _ATTRIBUTE_TYPES.items()}
+    if attribute.data_type not in types:
+        return None
+    values = np.empty(len(mesh.polygons), dtype=types[attribute.data_type])
+    attribute.data.foreach_get("value", values)
+    return values
+
+
+def remove_attribute(mesh: bpy.types.Mesh, name: str) -> None:
+    """Remove an attribute if it is there."""
+    attribute = mesh.attributes.get(name)
+    if attribute is not None:
+        mesh.attributes.remove(attribute)
+
+
+def face_attribute_names(mesh: bpy.types.Mesh) -> list[str]:
+    """Names of the face attributes that `read_face_attribute` can read."""
+    kinds = _ATTRIBUTE_TYPES.values()
+    return [a.name for a in mesh.attributes if a.domain == "FACE" and a.data_type in kinds]
+
+
+def read_selected_faces(mesh: bpy.types.Mesh) -> BoolArray:
+    """Which faces (F,) are selected; the mesh must not be in Edit Mode."""
+    selected = read_face_attribute(mesh, ".select_poly")
+    return np.zeros(len(mesh.polygons), dtype=np.bool_) if selected is None else selected
+
+
+def select_faces(mesh: bpy.types.Mesh, selected: BoolArray) -> None:
+    """Select exactly these faces (F,) with their vertices and edges; the mesh must not be in Edit Mode."""
+    vertices = np.zeros(len(mesh.vertices), dtype=np.bool_)
+    vertices[read_faces(mesh)[selected].ravel()] = True
+    edges = np.empty(2 * len(mesh.edges), dtype=np.int32)
+    mesh.attributes[".edge_verts"].data.foreach_get("value", edges)
+    mesh.vertices.foreach_set("select", vertices)
+    mesh.edges.foreach_set("select", vertices[edges.reshape(-1, 2)].all(axis=1))
+    mesh.polygons.foreach_set("select", selected)
+
+
+def write_uvs(mesh: bpy.types.Mesh, name: str, uvs: ArrayLike) -> None:
+    """Store Blender UVs (F,3,2) of a triangle mesh in the UV map of that name and make it the active one."""
+    layer = mesh.uv_layers.get(name) or mesh.uv_layers.new(name=name, do_init=False)
+    if layer is None:
+        raise ScanError("The mesh already has eight UV maps, Blender's limit: remove one and texture again.")
+    layer.uv.foreach_set("vector", np.ascontiguousarray(uvs, dtype=np.float32).ravel())
+    mesh.uv_layers.active = layer
+    layer.active_render = True
+
+
+def write_material_indices(mesh: bpy.types.Mesh, indices: IntArray) -> None:
+    """Store the material slot (F,) of every face."""
+    write_face_attribute(mesh, "material_index", np.ascontiguousarray(indices, dtype=np.int32))
+    mesh.update()

@@ -1,0 +1,1 @@
+"""Operators: one module per stage, the same nouns as in core."""

@@ -1,0 +1,53 @@
+"""Bring a scan into the scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy_extras.io_utils import ImportHelper
+
+from ...core.jobs import Job
+from ...core.scans import read_scan_job
+from ..bridge.scans import show_scan
+from ..jobs import JobOperator
+
+ENDINGS = (".ply", ".obj", ".stl", ".glb", ".gltf")
+
+
+class FRESCO_OT_import_scan(JobOperator, ImportHelper):
+    bl_idname = "fresco.import_scan"
+    bl_label = "Import Scan"
+    bl_description = "Read a scan and check it; large coordinates keep their offset in double precision"
+    bl_options = {"UNDO"}
+    step = "scan"
+
+    filter_glob: bpy.props.StringProperty(default=";".join(f"*{e}" for e in ENDINGS), options={"HIDDEN"})
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if self.filepath and Path(self.filepath).is_file():  # dropped into the window
+            return super().invoke(context, event)
+        self._interactive = True
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def start(self, context: bpy.types.Context) -> Job[Any]:
+        return read_scan_job(Path(bpy.path.abspath(self.filepath)))
+
+    def finish(self, context: bpy.types.Context, result: Any) -> None:
+        show_scan(context, result)
+
+
+class FRESCO_FH_scan(bpy.types.FileHandler):
+    bl_idname = "FRESCO_FH_scan"
+    bl_label = "Fresco scan"
+    bl_import_operator = "fresco.import_scan"
+    bl_file_extensions = ";".join(ENDINGS)
+
+    @classmethod
+    def poll_drop(cls, context: bpy.types.Context) -> bool:
+        return context.area is not None and context.area.type == "VIEW_3D"
+
+
+CLASSES = (FRESCO_OT_import_scan, FRESCO_FH_scan)

@@ -1,0 +1,184 @@
+"""What Fresco keeps in the .blend: scan, photos with their cameras and poses, regions, settings."""
+
+from __future__ import annotations
+
+import bpy
+
+from .settings import FrescoPoseSettings, FrescoTextureSettings
+
+PHOTO_STATES = (
+    ("UNSOLVED", "Not solved", "The camera's pose is not known yet", "RADIOBUT_OFF", 0),
+    ("SOLVED", "Solved", "The camera's pose was found", "CHECKMARK", 1),
+    ("AMBIGUOUS", "Ambiguous", "Several poses explain the regions equally well", "QUESTION", 2),
+    ("FAILED", "Not found", "No pose explains the regions", "CANCEL", 3),
+    ("GIVEN", "Given", "The pose was given with the camera", "PINNED", 4),
+)
+POSED_STATES = {"SOLVED", "GIVEN"}
+
+
+def _is_mesh(_self: object, candidate: bpy.types.Object) -> bool:
+    return candidate.type == "MESH"
+
+
+def _photo_chosen(self: FrescoScene, context: bpy.types.Context) -> None:
+    from .operators.photos import frame_photo
+
+    photo = self.active_photo
+    if photo is not None and photo.camera is not None:
+        frame_photo(context.scene, photo)
+
+
+class FrescoMark(bpy.types.PropertyGroup):
+    """One region as marked in one photo: its mask."""
+
+    region_id: bpy.props.IntProperty(description="The region that the mask shows")
+    image: bpy.props.PointerProperty(
+        type=bpy.types.Image, name="Mask", description="Mask: bright where the photo shows the region"
+    )
+
+
+class FrescoPhoto(bpy.types.PropertyGroup):
+    """A photo, its calibrated camera and its pose."""
+
+    image: bpy.props.PointerProperty(
+        type=bpy.types.Image, name="Photo", description="The original file; Fresco never changes it"
+    )
+    camera: bpy.props.PointerProperty(
+        type=bpy.types.Object, name="Camera", description="The photo's camera in the scene"
+    )
+    material: bpy.props.PointerProperty(
+        type=bpy.types.Material, name="Material", description="The material that shows this photo on the scan"
+    )
+    camera_json: bpy.props.StringProperty(description="Full calibration with lens distortion")
+    camera_source: bpy.props.StringProperty(
+        name="Calibration", description="Where the camera's calibration comes from"
+    )
+    pose_json: bpy.props.StringProperty(description="Pose in double precision with its covariance")
+    marks: bpy.props.CollectionProperty(type=FrescoMark)
+    use: bpy.props.BoolProperty(
+        name="Use", default=True, description="Solve this photo and use it for the texture"
+    )
+    state: bpy.props.EnumProperty(name="State", items=PHOTO_STATES, default="UNSOLVED")
+    overlap: bpy.props.FloatProperty(
+        name="Overlap error",
+        default=-1,
+        subtype="PERCENTAGE",
+        precision=2,
+        description="Area in which projected and marked regions differ; below 5 % is a good pose",
+    )
+    centre_sigma: bpy.props.FloatProperty(
+        name="Position uncertainty",
+        subtype="DISTANCE",
+        precision=4,
+        description="Standard deviation of the camera's position",
+    )
+    rotation_sigma: bpy.props.FloatProperty(
+        name="Rotation uncertainty",
+        precision=3,
+        description="Standard deviation of the camera's rotation, degrees",
+    )
+    message: bpy.props.StringProperty(name="Message")
+
+    @property
+    def path(self) -> str:
+        """Absolute path of the original file."""
+        return bpy.path.abspath(self.image.filepath) if self.image is not None else ""
+
+    @property
+    def is_posed(self) -> bool:
+        """Whether the photo can be used for the texture."""
+        return self.state in POSED_STATES
+
+    def mark(self, region_id: int) -> FrescoMark | None:
+        """Return the mark of a region in this photo."""
+        return next((mark for mark in self.marks if mark.region_id == region_id), None)
+
+
+class FrescoRegion(bpy.types.PropertyGroup):
+    """A region of the scan: a set of faces, marked in some photos."""
+
+    uid: bpy.props.IntProperty(description="Number that stays when the region is renamed")
+    color: bpy.props.FloatVectorProperty(name="Colour", subtype="COLOR", size=3, min=0, max=1)
+    face_count: bpy.props.IntProperty(name="Faces", description="Faces of the scan in this region")
+
+    @property
+    def attribute(self) -> str:
+        """Name of the scan's face attribute that is true in this region."""
+        return f"fresco_region_{self.uid}"
+
+
+class FrescoExportSettings(bpy.types.PropertyGroup):
+    """What an export writes."""
+
+    folder: bpy.props.StringProperty(
+        name="Folder",
+        subtype="DIR_PATH",
+        default="//fresco/",
+        description="Folder for all exported files",
+    )
+    name: bpy.props.StringProperty(
+        name="File name", default="", description="Name of the files, without ending; empty: the scan's name"
+    )
+    write_glb: bpy.props.BoolProperty(
+        name="glTF (.glb)", default=True, description="One file with scan, texture and cameras"
+    )
+    write_obj: bpy.props.BoolProperty(
+        name="OBJ (.obj, .mtl)",
+        default=True,
+        description="Scan in true coordinates with the original photos",
+    )
+    write_ply: bpy.props.BoolProperty(
+        name="PLY (.ply)", default=False, description="Scan with its regions and the photo of every face"
+    )
+    write_report: bpy.props.BoolProperty(
+        name="Report (.html)", default=True, description="One page with pictures and numbers"
+    )
+    write_blend: bpy.props.BoolProperty(
+        name="Copy of this file (.blend)", default=False, description="A copy of the .blend beside the rest"
+    )
+
+
+class FrescoScene(bpy.types.PropertyGroup):
+    """Everything of one scene."""
+
+    scan: bpy.props.PointerProperty(
+        type=bpy.types.Object, poll=_is_mesh, name="Scan", description="The mesh that gets the texture"
+    )
+    scan_report: bpy.props.StringProperty(description="What the check of the scan found, one line each")
+    scan_path: bpy.props.StringProperty(description="File that the scan was read from")
+    photos: bpy.props.CollectionProperty(type=FrescoPhoto)
+    photo_index: bpy.props.IntProperty(name="Photo", update=_photo_chosen)
+    regions: bpy.props.CollectionProperty(type=FrescoRegion)
+    region_index: bpy.props.IntProperty(name="Region")
+    next_region: bpy.props.IntProperty(default=1)
+    texture_report: bpy.props.StringProperty(description="Numbers of the texture, one line each")
+    pose: bpy.props.PointerProperty(type=FrescoPoseSettings)
+    texture: bpy.props.PointerProperty(type=FrescoTextureSettings)
+    export: bpy.props.PointerProperty(type=FrescoExportSettings)
+
+    @property
+    def active_photo(self) -> FrescoPhoto | None:
+        """The photo chosen in the list."""
+        return self.photos[self.photo_index] if 0 <= self.photo_index < len(self.photos) else None
+
+    @property
+    def active_region(self) -> FrescoRegion | None:
+        """The region chosen in the list."""
+        return self.regions[self.region_index] if 0 <= self.region_index < len(self.regions) else None
+
+    def region_named(self, name: str) -> FrescoRegion | None:
+        """Return the region of that name."""
+        return next((region for region in self.regions if region.name == name), None)
+
+
+CLASSES = (FrescoMark, FrescoPhoto, FrescoRegion, FrescoExportSettings, FrescoScene)
+
+
+def attach() -> None:
+    """Hang Fresco's data on the scene."""
+    bpy.types.Scene.fresco = bpy.props.PointerProperty(type=FrescoScene)
+
+
+def detach() -> None:
+    """Take the data's definition away; what is stored in files stays there."""
+    del bpy.types.Scene.fresco

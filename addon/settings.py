@@ -1,0 +1,98 @@
+"""Core's settings as Blender properties: one group per dataclass, made from its fields and their texts.
+
+The unit is read from the field's text, "(m)", "(degrees)", "(%)" or "(pixels)", so that a settings dataclass
+is written once, in core.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import inspect
+import itertools
+from typing import Any, TypeVar
+
+import bpy
+import numpy as np
+
+from ..core import settings as core_settings
+from ..core.settings import PoseSettings, ScanSettings, TextureSettings
+
+Settings = TypeVar("Settings")
+
+
+def field_texts(dataclass: type) -> dict[str, str]:
+    """Text under each field of a dataclass."""
+    tree = ast.parse(inspect.getsource(core_settings))
+    body = next(n.body for n in tree.body if isinstance(n, ast.ClassDef) and n.name == dataclass.__name__)
+    texts = {}
+    for statement, following in itertools.pairwise(body):
+        is_text = isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant)
+        if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name) and is_text:
+            texts[statement.target.id] = inspect.cleandoc(following.value.value)
+    return texts
+
+
+def _number(default: float, text: str, common: dict[str, Any]) -> Any:
+    if "(m)" in text:
+        return bpy.props.FloatProperty(default=default, min=0, subtype="DISTANCE", precision=4, **common)
+    if "(%)" in text:
+        return bpy.props.FloatProperty(
+            default=default, min=0, max=100, subtype="PERCENTAGE", precision=1, **common
+        )
+    if "(pixels)" in text:
+        return bpy.props.FloatProperty(default=default, min=0, subtype="PIXEL", precision=2, **common)
+    return bpy.props.FloatProperty(default=default, precision=3, **common)
+
+
+def _property(field: dataclasses.Field[Any], text: str) -> Any:
+    """Blender property for a field of a settings dataclass, or None for a kind that has no widget."""
+    default = field.default
+    common = {
+        "name": field.name.replace("_", " ").capitalize(),
+        "description": " ".join(text.split()).rstrip("."),
+    }
+    if isinstance(default, bool):
+        return bpy.props.BoolProperty(default=default, **common)
+    if isinstance(default, int):
+        return bpy.props.IntProperty(default=default, **common)
+    if isinstance(default, float):
+        return _number(default, text, common)
+    if isinstance(default, str):
+        return bpy.props.StringProperty(default=default, **common)
+    return None
+
+
+def mirror(dataclass: type) -> type[bpy.types.PropertyGroup]:
+    """Make the property group of a settings dataclass."""
+    texts = field_texts(dataclass)
+    properties = {f.name: _property(f, texts.get(f.name, "")) for f in dataclasses.fields(dataclass)}
+    annotations = {name: value for name, value in properties.items() if value is not None}
+    namespace = {"__annotations__": annotations, "__doc__": dataclass.__doc__, "__module__": __name__}
+    return type(f"Fresco{dataclass.__name__}", (bpy.types.PropertyGroup,), namespace)
+
+
+FrescoScanSettings = mirror(ScanSettings)
+FrescoPoseSettings = mirror(PoseSettings)
+FrescoTextureSettings = mirror(TextureSettings)
+
+
+def _as_typed(value: Any) -> Any:
+    """Undo Blender's single precision: 0.1 is kept as 0.100000001; its shortest text gives 0.1 again."""
+    return float(str(np.float32(value))) if isinstance(value, float) else value
+
+
+def to_core(group: bpy.types.PropertyGroup, dataclass: type[Settings]) -> Settings:
+    """Core's settings with the values of a property group."""
+    names = [f.name for f in dataclasses.fields(dataclass) if f.name in group.__annotations__]
+    return dataclass(**{name: _as_typed(getattr(group, name)) for name in names})
+
+
+def from_core(group: bpy.types.PropertyGroup, values: Any) -> None:
+    """Give a property group the values of core's settings."""
+    for field in dataclasses.fields(values):
+        if field.name in group.__annotations__:
+            setattr(group, field.name, getattr(values, field.name))
+
+
+CLASSES = (FrescoScanSettings, FrescoPoseSettings, FrescoTextureSettings)
