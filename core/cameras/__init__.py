@@ -1,7 +1,23 @@
 """Central camera models and their files."""
 
 from .base import Camera
+from .catadioptric import CatadioptricCamera
 from .distortion import Distortion
+from .equirectangular import EquirectangularCamera
+from .fisheye import FisheyeCamera
 from .perspective import PerspectiveCamera
+from .polynomial import PolynomialCamera
+from .wide import DivisionCamera, ExtendedUnifiedCamera, FieldOfViewCamera
 
-__all__ = ["Camera", "Distortion", "PerspectiveCamera"]
+__all__ = [
+    "Camera",
+    "CatadioptricCamera",
+    "Distortion",
+    "DivisionCamera",
+    "EquirectangularCamera",
+    "ExtendedUnifiedCamera",
+    "FieldOfViewCamera",
+    "FisheyeCamera",
+    "PerspectiveCamera",
+    "PolynomialCamera",
+]

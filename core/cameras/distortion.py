@@ -18,6 +18,7 @@ import numpy as np
 
 from ..arrays import ArrayLike, BoolArray, FloatArray
 from ..errors import CameraError
+from .monotone import MonotoneInverse
 
 FAR = 1e8
 """Largest radius on the normalised plane (89.9999994 degrees): beyond it a pixel has no useful ray."""
@@ -86,18 +87,8 @@ class Distortion:
     @cached_property
     def limit(self) -> float:
         """Radius on the undistorted plane up to which the distortion is one to one (at most `FAR`)."""
-        limit = self._radial_limit
+        limit = min(first_fold(self.radial, self.denominator), FAR)
         return limit if self.is_radial else self._directional_limit(limit)
-
-    @cached_property
-    def _radial_limit(self) -> float:
-        """First radius at which r N / D stops growing or has a pole: roots of two polynomials in r^2."""
-        if not self.radial and not self.denominator:
-            return FAR
-        n, d = np.array([1.0, *self.radial]), np.array([1.0, *self.denominator])
-        # The slope of r N / D has, with s = r^2, the sign of (N + 2 s N') D - 2 N s D'; s N' has terms i n_i.
-        slope = np.convolve(n * (1 + 2 * np.arange(n.size)), d) - 2 * np.convolve(n, d * np.arange(d.size))
-        return float(np.sqrt(min(_first_positive_root(slope), _first_positive_root(d), FAR**2)))
 
     def _directional_limit(self, upper: float) -> float:
         """First radius at which the symmetric part of the Jacobian loses its definiteness in some direction.
@@ -109,8 +100,9 @@ class Distortion:
         low, high = 0.0, float(np.arctan(upper))
         for _ in range(5):  # every pass narrows the interval 255 times
             radii = np.tan(np.linspace(low, high, 256))[:, None]
-            j = self._jacobian(radii * np.cos(directions), radii * np.sin(directions))
-            mean, half = (j[0] + j[3]) / 2, np.hypot((j[0] - j[3]) / 2, (j[1] + j[2]) / 2)
+            j = self.jacobian(radii * np.cos(directions), radii * np.sin(directions))
+            a, b, d = j[..., 0, 0], (j[..., 0, 1] + j[..., 1, 0]) / 2, j[..., 1, 1]
+            mean, half = (a + d) / 2, np.hypot((a - d) / 2, b)
             folded = np.flatnonzero(~np.all(mean > half, axis=1))
             if folded.size == 0:
                 return float(np.tan(high))
@@ -123,9 +115,9 @@ class Distortion:
         """Distort points of the plane: (...), (...) -> the same; NaN outside the disk `r < limit`."""
         r2 = x * x + y * y
         np.copyto(r2, np.nan, where=~(r2 < self.limit**2))
-        gain = _horner(self.radial, r2)
+        gain = series(self.radial, r2)
         if self.denominator:
-            gain /= _horner(self.denominator, r2)
+            gain /= series(self.denominator, r2)
         xd, yd = x * gain, y * gain
         if any(self.tangential):
             p1, p2 = self.tangential
@@ -138,61 +130,64 @@ class Distortion:
             yd += r2 * (s3 + s4 * r2)
         return xd, yd
 
-    def apply_with_jacobian(
-        self, x: FloatArray, y: FloatArray
-    ) -> tuple[FloatArray, FloatArray, tuple[FloatArray, ...]]:
-        """Distort points and return also d x_d/dx, d x_d/dy, d y_d/dx, d y_d/dy, each (...)."""
-        xd, yd = self.apply(x, y)
-        return xd, yd, self._jacobian(x, y)
-
-    def _jacobian(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, ...]:
-        """Derivatives of `apply` (d x_d/dx, d x_d/dy, d y_d/dx, d y_d/dy), also outside the disk."""
+    def jacobian(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Derivative of `apply`: (...), (...) -> (...,2,2); also defined outside the disk."""
         r2 = x * x + y * y
-        n, d = _horner(self.radial, r2), _horner(self.denominator, r2)
+        n, d = series(self.radial, r2), series(self.denominator, r2)
         gain = n / d
-        slope = 2 * (_horner_slope(self.radial, r2) - gain * _horner_slope(self.denominator, r2)) / d
+        slope = 2 * (series_slope(self.radial, r2) - gain * series_slope(self.denominator, r2)) / d
         p1, p2 = self.tangential
         s1, s2, s3, s4 = self.prism
         prism_x, prism_y = 2 * s1 + 4 * s2 * r2, 2 * s3 + 4 * s4 * r2
         mixed = slope * x * y + 2 * (p1 * x + p2 * y)
-        return (
-            gain + slope * x * x + 2 * p1 * y + 6 * p2 * x + prism_x * x,
-            mixed + prism_x * y,
-            mixed + prism_y * x,
-            gain + slope * y * y + 6 * p1 * y + 2 * p2 * x + prism_y * y,
-        )
+        out = np.empty((*x.shape, 2, 2))
+        out[..., 0, 0] = gain + slope * x * x + 2 * p1 * y + 6 * p2 * x + prism_x * x
+        out[..., 0, 1] = mixed + prism_x * y
+        out[..., 1, 0] = mixed + prism_y * x
+        out[..., 1, 1] = gain + slope * y * y + 6 * p1 * y + 2 * p2 * x + prism_y * y
+        return out
 
     def undo(self, xd: FloatArray, yd: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Undistort points of the plane: inverse of `apply`, NaN where no point of the disk is mapped there.
 
-        Newton's method from a tabulated inverse of the radial part; residuals end at rounding error.
+        Newton's method, in one dimension where the distortion is radial; residuals end at rounding error.
         """
-        xd, yd = np.asarray(xd, dtype=np.float64), np.asarray(yd, dtype=np.float64)
         rd = np.hypot(xd, yd)
-        radii, distorted, reach = self._table
+        r = self._inverse(rd) if self.is_radial else self._inverse.start(rd)
         with np.errstate(invalid="ignore", divide="ignore"):
-            start = np.where(rd > 0, np.interp(rd, distorted, radii) / rd, 1.0)
-        x, y = start * xd, start * yd
-        todo = np.flatnonzero(rd <= reach)
+            gain = np.where(rd > 0, r / rd, 1.0)
+        if self.is_radial:
+            return xd * gain, yd * gain
+        return self._undo_newton(xd, yd, xd * gain, yd * gain)
+
+    def _undo_newton(
+        self, xd: FloatArray, yd: FloatArray, x: FloatArray, y: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Undistort (xd, yd) by Newton's method in two dimensions, starting at (x, y)."""
+        shape = xd.shape
+        xd, yd, x, y = xd.ravel(), yd.ravel(), x.ravel(), y.ravel()
         x_out, y_out = np.full(x.shape, np.nan), np.full(y.shape, np.nan)
+        todo = np.flatnonzero(np.hypot(xd, yd) <= self._reach)
+        xd, yd, x, y = xd[todo], yd[todo], x[todo], y[todo]
         for _ in range(_NEWTON_STEPS):
             if todo.size == 0:
                 break
-            done, x_new, y_new = self._newton_step(x.flat[todo], y.flat[todo], xd.flat[todo], yd.flat[todo])
-            x_out.flat[todo[done]], y_out.flat[todo[done]] = x.flat[todo[done]], y.flat[todo[done]]
-            x.flat[todo], y.flat[todo] = x_new, y_new
-            todo = todo[~done]
-        return x_out, y_out
+            done, x_new, y_new = self._newton_step(x, y, xd, yd)
+            x_out[todo[done]], y_out[todo[done]] = x[done], y[done]
+            left = ~done
+            todo, xd, yd, x, y = todo[left], xd[left], yd[left], x_new[left], y_new[left]
+        return x_out.reshape(shape), y_out.reshape(shape)
 
     def _newton_step(
         self, x: FloatArray, y: FloatArray, xd: FloatArray, yd: FloatArray
     ) -> tuple[BoolArray, FloatArray, FloatArray]:
         """Return which points are at their goal already, and all points one step nearer."""
-        xe, ye, (a, b, c, d) = self.apply_with_jacobian(x, y)
+        xe, ye = self.apply(x, y)
+        j = self.jacobian(x, y)
         ex, ey = xd - xe, yd - ye
         with np.errstate(invalid="ignore", divide="ignore"):
-            det = a * d - b * c
-            dx, dy = (d * ex - b * ey) / det, (a * ey - c * ex) / det
+            det = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
+            dx, dy = (j[:, 1, 1] * ex - j[:, 0, 1] * ey) / det, (j[:, 0, 0] * ey - j[:, 1, 0] * ex) / det
             # Near a fold the step stays large, near a pole the residual: either may tell that all is said.
             done: BoolArray = np.hypot(ex, ey) <= _NEWTON_RESIDUAL * (1 + np.hypot(xd, yd))
             done |= np.hypot(dx, dy) <= _NEWTON_SMALLEST * (1 + np.hypot(x, y))
@@ -203,15 +198,26 @@ class Distortion:
         return done, x_new * shrink, y_new * shrink
 
     @cached_property
-    def _table(self) -> tuple[FloatArray, FloatArray, float]:
-        """Radii, what the radial part makes of them (increasing), and the largest distorted radius."""
-        radii = np.tan(np.linspace(0, np.arctan(self.limit), _TABLE_SIZE))
-        radii[-1] = self.limit * (1 - 1e-15)
-        gain = _horner(self.radial, radii**2) / _horner(self.denominator, radii**2)
-        distorted = np.maximum.accumulate(radii * gain)
-        extra = 3 * np.hypot(*self.tangential) * self.limit**2
-        extra += np.hypot(*self.prism[::2]) * self.limit**2 + np.hypot(*self.prism[1::2]) * self.limit**4
-        return radii, distorted, float(distorted[-1] + extra)
+    def _inverse(self) -> MonotoneInverse:
+        """Undistorted radius of a distorted one, for the radial part."""
+        nodes = np.tan(np.linspace(0, np.arctan(self.limit), _TABLE_SIZE))
+        nodes[-1] = self.limit * (1 - 1e-15)
+        return MonotoneInverse(self._radius_with_slope, nodes)
+
+    def _radius_with_slope(self, r: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distorted radius r N / D and its derivative, (N,) -> (N,), (N,)."""
+        r2 = r * r
+        d = series(self.denominator, r2)
+        gain = series(self.radial, r2) / d
+        bend = series_slope(self.radial, r2) - gain * series_slope(self.denominator, r2)
+        return r * gain, gain + 2 * r2 * bend / d
+
+    @cached_property
+    def _reach(self) -> float:
+        """Bound of the distorted radii of the disk."""
+        s1, s2, s3, s4 = self.prism
+        extra = 3 * np.hypot(*self.tangential) + np.hypot(s1, s3) + np.hypot(s2, s4) * self.limit**2
+        return float(self._inverse.highest + extra * self.limit**2)
 
 
 def _trimmed(*coefficients: float) -> tuple[float, ...]:
@@ -220,7 +226,7 @@ def _trimmed(*coefficients: float) -> tuple[float, ...]:
     return coefficients[:length]
 
 
-def _horner(coefficients: tuple[float, ...], s: FloatArray) -> FloatArray:
+def series(coefficients: tuple[float, ...], s: FloatArray) -> FloatArray:
     """Evaluate 1 + c1 s + c2 s^2 + ..."""
     value = np.zeros_like(s)
     for c in reversed(coefficients):
@@ -230,8 +236,8 @@ def _horner(coefficients: tuple[float, ...], s: FloatArray) -> FloatArray:
     return value
 
 
-def _horner_slope(coefficients: tuple[float, ...], s: FloatArray) -> FloatArray:
-    """Evaluate the derivative c1 + 2 c2 s + ... of `_horner`."""
+def series_slope(coefficients: tuple[float, ...], s: FloatArray) -> FloatArray:
+    """Evaluate the derivative c1 + 2 c2 s + ... of `series`."""
     value = np.zeros_like(s)
     for power in range(len(coefficients), 0, -1):
         value *= s
@@ -239,8 +245,19 @@ def _horner_slope(coefficients: tuple[float, ...], s: FloatArray) -> FloatArray:
     return value
 
 
-def _first_positive_root(coefficients: FloatArray) -> float:
+def first_fold(radial: tuple[float, ...], denominator: tuple[float, ...]) -> float:
+    """First r > 0 at which `r N(r^2) / D(r^2)` stops growing or has a pole; infinite if it never does."""
+    n, d = np.array([1.0, *radial]), np.array([1.0, *denominator])
+    # The slope has, with s = r^2, the sign of (N + 2 s N') D - 2 N s D'; s N' has terms i n_i.
+    slope = np.convolve(n * (1 + 2 * np.arange(n.size)), d) - 2 * np.convolve(n, d * np.arange(d.size))
+    return float(np.sqrt(min(first_positive_root(slope), first_positive_root(d))))
+
+
+def first_positive_root(coefficients: FloatArray) -> float:
     """Smallest positive real root of a polynomial (constant first), infinite if it has none."""
     roots = np.roots(coefficients[::-1])
     real = roots.real[(np.abs(roots.imag) <= 1e-9 * np.abs(roots)) & (roots.real > 0)]
     return float(real.min()) if real.size else np.inf
+
+
+NO_DISTORTION = Distortion()

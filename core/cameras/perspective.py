@@ -6,9 +6,8 @@ from typing import Self
 
 import numpy as np
 
-from ..arrays import ArrayLike, FloatArray
-from .distortion import Distortion
-from .plane import PlaneCamera, PlaneJacobian
+from ..arrays import FloatArray
+from .plane import PlaneCamera
 
 _NEAREST = 1e-150
 """Depths not above this count as behind the camera; it only keeps quotients finite."""
@@ -34,22 +33,13 @@ class PerspectiveCamera(PlaneCamera):
     Source: method.md 1; OpenCV's camera model for the order of the coefficients.
     """
 
-    def __init__(self, width: int, height: int, K: ArrayLike, distortion: ArrayLike | Distortion = ()):
-        if not isinstance(distortion, Distortion):
-            distortion = Distortion.from_opencv(distortion)
-        super().__init__(width, height, K, distortion)
-
-    def _to_plane(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _gain(self, points: FloatArray) -> FloatArray:
         z = points[..., 2]
-        inverse = np.divide(1.0, z, out=np.full(z.shape, np.nan), where=z > _NEAREST)
-        return points[..., 0] * inverse, points[..., 1] * inverse
+        return np.divide(1.0, z, out=np.full(z.shape, np.nan), where=z > _NEAREST)
 
-    def _to_plane_with_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, PlaneJacobian]:
-        z = points[..., 2]
-        inverse = np.divide(1.0, z, out=np.full(z.shape, np.nan), where=z > _NEAREST)
-        x, y = points[..., 0] * inverse, points[..., 1] * inverse
-        zero = np.where(np.isnan(inverse), np.nan, 0.0)
-        return x, y, ((inverse, zero, -x * inverse), (zero, inverse, -y * inverse))
+    def _gain_with_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        gain = self._gain(points)
+        return gain, np.zeros_like(gain), -gain * gain
 
     def _from_plane(self, x: FloatArray, y: FloatArray) -> FloatArray:
         z = 1 / np.sqrt(x * x + y * y + 1)

@@ -12,40 +12,47 @@ from ..errors import CameraError
 from .base import Camera, checked_size
 from .distortion import Distortion
 
-PlaneJacobian = tuple[tuple[FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
-"""Derivatives of the plane's x and of its y with respect to X, Y, Z."""
-
 
 class PlaneCamera(Camera):
-    """A camera whose pixels are `K (x_d, y_d, 1)`, with (x_d, y_d) the distorted point on a normalised plane.
+    """A camera that sends (X, Y, Z) to `x = X g, y = Y g` on a plane, distorts it and applies `K (x, y, 1)`.
 
-    Subclasses say how directions meet the plane. `K` (3,3) is upper triangular with last row 0, 0, 1; pixels
-    count from the centre of the top-left one.
+    The gain g depends on X^2 + Y^2 and Z only; subclasses say how, and where it ends. `K` (3,3) is upper
+    triangular with last row 0, 0, 1; pixels count from the centre of the top-left one.
     """
 
     K: FloatArray
     distortion: Distortion
 
-    def __init__(self, width: int, height: int, K: ArrayLike, distortion: Distortion):
+    def __init__(self, width: int, height: int, K: ArrayLike, distortion: ArrayLike | Distortion = ()):
         self.width, self.height = checked_size(width, height)
         self.K = _checked_matrix(K)
-        self.distortion = distortion
+        self.distortion = (
+            distortion if isinstance(distortion, Distortion) else Distortion.from_opencv(distortion)
+        )
 
     @abstractmethod
-    def _to_plane(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points (...,3) to the undistorted plane: x, y (...), NaN where the model does not see them."""
+    def _gain(self, points: FloatArray) -> FloatArray:
+        """Gain g (...) of points (...,3), NaN where the model does not see them."""
 
     @abstractmethod
-    def _to_plane_with_jacobian(self, points: FloatArray) -> tuple[FloatArray, FloatArray, PlaneJacobian]:
-        """The same with derivatives."""
+    def _gain_with_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The gain (...) and its derivatives by X^2 + Y^2 and by Z."""
 
     @abstractmethod
     def _from_plane(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Points of the undistorted plane to unit rays: (...), (...) -> (...,3), NaN outside the field."""
 
+    @abstractmethod
+    def _with_matrix(self, width: int, height: int, K: FloatArray) -> Self:
+        """Return the same lens with another frame and matrix."""
+
     def project(self, points: ArrayLike) -> FloatArray:
         """Pixels of points: (N,3) camera frame -> (N,2), NaN rows where the model does not see the point."""
-        x, y = self._to_plane(np.asarray(points, dtype=np.float64))
+        points = np.asarray(points, dtype=np.float64)
+        gain = self._gain(points)
+        return self._plane_to_pixels(points[..., 0] * gain, points[..., 1] * gain)
+
+    def _plane_to_pixels(self, x: FloatArray, y: FloatArray) -> FloatArray:
         if not self.distortion.is_zero:
             x, y = self.distortion.apply(x, y)
         (fx, skew, cx), (_, fy, cy) = self.K[0], self.K[1]
@@ -59,19 +66,21 @@ class PlaneCamera(Camera):
 
     def project_with_jacobian(self, points: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Pixels of points and their derivative: (N,3) camera frame -> (N,2), (N,2,3); NaN rows outside."""
-        x, y, (dx, dy) = self._to_plane_with_jacobian(np.asarray(points, dtype=np.float64))
+        points = np.asarray(points, dtype=np.float64)
+        big_x, big_y = points[..., 0], points[..., 1]
+        gain, slope_s, slope_z = self._gain_with_slopes(points)
+        x, y = big_x * gain, big_y * gain
+        mixed = 2 * big_x * big_y * slope_s
         jacobian = np.empty((*x.shape, 2, 3))
-        if self.distortion.is_zero:
-            for axis in range(3):
-                jacobian[..., 0, axis], jacobian[..., 1, axis] = dx[axis], dy[axis]
-        else:
-            x, y, (a, b, c, d) = self.distortion.apply_with_jacobian(x, y)
-            for axis in range(3):
-                jacobian[..., 0, axis] = a * dx[axis] + b * dy[axis]
-                jacobian[..., 1, axis] = c * dx[axis] + d * dy[axis]
-            jacobian[~np.isfinite(x)] = np.nan
-        jacobian = self.K[:2, :2] @ jacobian
-        pixels = np.stack([x, y], axis=-1) @ self.K[:2, :2].T + self.K[:2, 2]
+        jacobian[..., 0, 0], jacobian[..., 0, 1] = gain + 2 * big_x**2 * slope_s, mixed
+        jacobian[..., 1, 0], jacobian[..., 1, 1] = mixed, gain + 2 * big_y**2 * slope_s
+        jacobian[..., 0, 2], jacobian[..., 1, 2] = big_x * slope_z, big_y * slope_z
+        outer = self.K[:2, :2]
+        if not self.distortion.is_zero:
+            outer = outer @ self.distortion.jacobian(x, y)
+        pixels = self._plane_to_pixels(x, y)
+        jacobian = outer @ jacobian
+        jacobian[np.isnan(pixels[..., 0])] = np.nan
         return pixels, jacobian
 
     def unproject(self, pixels: ArrayLike) -> FloatArray:
@@ -89,10 +98,6 @@ class PlaneCamera(Camera):
         # Corners of the frame stay corners: u + 0.5 is what scales.
         K[0, 2], K[1, 2] = (self.K[0, 2] + 0.5) * sx - 0.5, (self.K[1, 2] + 0.5) * sy - 0.5
         return self._with_matrix(width, height, K)
-
-    @abstractmethod
-    def _with_matrix(self, width: int, height: int, K: FloatArray) -> Self:
-        """Return the same lens with another frame and matrix."""
 
 
 def _checked_matrix(K: ArrayLike) -> FloatArray:
