@@ -60,7 +60,8 @@ def color_bytes(colors: AnyArray) -> ByteArray:
         same: ByteArray = np.ascontiguousarray(colors)
         return same
     if np.issubdtype(colors.dtype, np.floating):
-        return np.clip(np.rint(colors * 255.0), 0, 255).astype(np.uint8)
+        scaled: ByteArray = np.clip(np.rint(colors * 255.0), 0, 255).astype(np.uint8)
+        return scaled
     # Many writers keep 8-bit values in 16-bit fields.
     wide = colors.size > 0 and int(colors.max()) > 255
     narrow: ByteArray = (colors >> 8 if wide else colors).astype(np.uint8)
