@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 
 @dataclass(frozen=True)
@@ -43,8 +44,38 @@ class TextureSettings:
     max_angle: float = 85.0
     """Largest angle (degrees) between viewing ray and face normal at which a photo is used."""
 
+    double_sided: bool = False
+    """Faces may be seen from behind: for scans whose triangles do not all face outwards."""
+
     uv_tolerance: float = 0.5
     """Largest distance (pixels) between straight UV edges and the true projection of a face's edges."""
+
+    visible_share: float = 0.5
+    """Smallest share of a face's tested points that nothing may hide; whole faces are preferred, see below."""
+
+    occlusion_tolerance: float = 0.0
+    """Surfaces nearer than this (m) in front of a face do not hide it: for scans with several noisy layers."""
+
+    score: Literal["texel", "published"] = "texel"
+    """What makes a photo good for a face: its texel size on the surface, or eq. 3.39 as published."""
+
+    hidden_penalty: float = 4.0
+    """Octaves of texel size that a face costs if all of it were hidden; half hidden costs half of it."""
+
+    clipped_penalty: float = 3.0
+    """Octaves of texel size that a wholly burnt-out face costs."""
+
+    clipped_level: int = 252
+    """Channel value (of 255) from which a pixel counts as burnt out."""
+
+    max_candidates: int = 10
+    """Photos remembered per face; bounds the memory (about 20 bytes per face and photo)."""
+
+    equalise: bool = True
+    """Find one gain per photo and channel from what the photos see in common."""
+
+    gain_anchor: int | None = None
+    """Photo whose colours stay as they are; without one the photos' mean exposure stays."""
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,19 @@
-"""The best photo for every face: visibility, view selection, UVs, colour, atlas."""
+"""The best photo for every face, and the textured model."""
+
+from ..photos.view import View
+from .obj import write_obj, write_obj_job
+from .select import select_views, select_views_job
+from .selection import Selection
+from .split import SplitMesh, split_large_faces, split_large_faces_job
+
+__all__ = [
+    "Selection",
+    "SplitMesh",
+    "View",
+    "select_views",
+    "select_views_job",
+    "split_large_faces",
+    "split_large_faces_job",
+    "write_obj",
+    "write_obj_job",
+]

@@ -1,0 +1,43 @@
+"""What a photo shows on the faces it sees: colours, burnt-out parts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ..arrays import AnyArray, ByteArray, Float32Array
+from ..settings import TextureSettings
+from .images import sample_image
+from .visibility import VisibleFaces, triangle_areas
+
+_SMALLEST = 1 / 16
+"""Smallest scale at which a photo is sampled."""
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoSamples:
+    """What a photo shows on each of n faces: `colour` (n,3) sRGB, `clipped` (n,) share of burnt-out area."""
+
+    colour: ByteArray
+    clipped: Float32Array
+
+
+def sample_photo(photo: ByteArray, seen: VisibleFaces, settings: TextureSettings) -> PhotoSamples:
+    """Mean colour and burnt-out share of each face in a photo (H,W,3), at the scale of the faces."""
+    side = float(np.sqrt(np.median(triangle_areas(seen.uv))))
+    scale = float(np.clip(0.5 ** np.floor(np.log2(max(side, 1.0))), _SMALLEST, 1))
+    at = (seen.uv.mean(axis=1) + 0.5) * scale - 0.5
+    brightest = cv2.max(cv2.max(photo[..., 0], photo[..., 1]), photo[..., 2])
+    burnt = cv2.threshold(brightest, settings.clipped_level - 1, 255, cv2.THRESH_BINARY)[1]
+    clipped = sample_image(_reduced(burnt, scale), at).astype(np.float32) / np.float32(255)
+    return PhotoSamples(sample_image(_reduced(photo, scale), at), clipped)
+
+
+def _reduced(image: AnyArray, scale: float) -> AnyArray:
+    if scale == 1:
+        return image
+    # Factors instead of a size keep the scale exact where the size does not divide.
+    small: AnyArray = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    return small

@@ -1,0 +1,149 @@
+"""Which faces a photo sees: frame, mask, viewing side, and rays against everything that may stand between."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import BoolArray, Float32Array, FloatArray, IndexArray
+from ..photos.view import View
+from ..settings import TextureSettings
+from .frustum import blocks_in_view, faces_of_blocks
+from .surface import Surface
+
+_EXTRA_POINTS = np.array([[1, 1, 0], [0, 1, 1], [1, 0, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]], dtype=np.float64)
+"""Barycentric weights of the points tested besides centroid and corners on faces near an occlusion."""
+
+
+@dataclass(frozen=True, eq=False)
+class VisibleFaces:
+    """The n faces of a surface that a photo sees.
+
+    `face` (n,) counts in the surface's order; `uv` (n,3,2) pixels; `share` (n,) of the tested points that
+    nothing hides; `texel` (n,) m, the side of a square pixel laid on the surface; `cosine` (n,) of the angle
+    between viewing ray and normal; `distance` (n,) m.
+    """
+
+    face: IndexArray
+    uv: FloatArray
+    share: Float32Array
+    texel: Float32Array
+    cosine: Float32Array
+    distance: Float32Array
+
+    def __len__(self) -> int:
+        return len(self.face)
+
+    def subset(self, keep: IndexArray | BoolArray) -> VisibleFaces:
+        """The chosen ones only."""
+        return VisibleFaces(
+            self.face[keep],
+            self.uv[keep],
+            self.share[keep],
+            self.texel[keep],
+            self.cosine[keep],
+            self.distance[keep],
+        )
+
+
+def visible_faces(surface: Surface, view: View, settings: TextureSettings) -> VisibleFaces:
+    """Faces that `view` sees whole in its frame and mask, with at least `settings.visible_share` unhidden.
+
+    Source: method.md 4, steps 1, 3 and 4; rays as in Embree (Wald et al. 2014).
+    """
+    seen = _in_front(surface, view, settings)
+    seen = _in_frame(surface, view, seen)
+    if view.mask is not None:
+        seen = seen.subset(_in_mask(seen.uv, view.mask))
+    return _unhidden(surface, view, seen, settings)
+
+
+def _in_front(surface: Surface, view: View, settings: TextureSettings) -> VisibleFaces:
+    """Faces whose front looks at the camera within the largest angle."""
+    limit = np.radians(settings.max_angle)
+    blocks = blocks_in_view(surface.blocks, view, surface.origin, None if settings.double_sided else limit)
+    face = faces_of_blocks(blocks, surface.blocks.size, surface.face_count)
+    towards = (view.centre - surface.origin).astype(np.float32) - surface.centroid[face]
+    distance = np.sqrt(np.einsum("nk,nk->n", towards, towards))
+    cosine = np.einsum("nk,nk->n", towards, surface.normal[face]) / np.maximum(distance, np.float32(1e-12))
+    if settings.double_sided:
+        cosine = np.abs(cosine)
+    keep = np.flatnonzero(cosine > np.cos(limit))
+    none = np.zeros(len(keep), dtype=np.float32)
+    return VisibleFaces(face[keep], np.zeros((len(keep), 0, 2)), none, none, cosine[keep], distance[keep])
+
+
+def _in_frame(surface: Surface, view: View, seen: VisibleFaces) -> VisibleFaces:
+    """Faces that lie whole in the frame, with their pixels and texel size."""
+    corners = surface.faces[seen.face]
+    used = np.zeros(len(surface.vertices), dtype=np.bool_)
+    used[corners] = True
+    vertex = np.flatnonzero(used)
+    pixels = np.full((len(used), 2), np.nan)
+    pixels[vertex] = project(view, surface.vertices[vertex] + surface.origin)
+    inside = np.zeros(len(used), dtype=np.bool_)
+    inside[vertex] = view.camera.in_frame(pixels[vertex])
+    keep = inside[corners].all(axis=1)
+    uv = pixels[corners[keep]]
+    area = triangle_areas(uv)
+    seen = seen.subset(keep)
+    with np.errstate(divide="ignore"):
+        texel = np.sqrt(surface.area[seen.face] / area).astype(np.float32)
+    # An edge across half the frame belongs to a face that straddles a panorama's seam.
+    span = np.ptp(uv[..., 0], axis=1)
+    valid = (area > 0) & (surface.area[seen.face] > 0) & (span < 0.5 * view.camera.width)
+    return VisibleFaces(seen.face, uv, seen.share, texel, seen.cosine, seen.distance).subset(valid)
+
+
+def _in_mask(uv: FloatArray, mask: BoolArray) -> BoolArray:
+    """Whether corners and centre of each face lie in the usable area: (n,3,2), (H,W) -> (n,)."""
+    points = np.concatenate([uv, uv.mean(axis=1, keepdims=True)], axis=1)
+    height, width = mask.shape
+    column = np.clip(np.rint(points[..., 0]).astype(np.int64), 0, width - 1)
+    row = np.clip(np.rint(points[..., 1]).astype(np.int64), 0, height - 1)
+    inside: BoolArray = mask[row, column].all(axis=1)
+    return inside
+
+
+def _unhidden(surface: Surface, view: View, seen: VisibleFaces, settings: TextureSettings) -> VisibleFaces:
+    """Faces whose centroid is free, with the share of free points.
+
+    Centroid and corners are tested on every face, six points more on those next to a hidden point.
+    """
+    eye = view.centre - surface.origin
+    tolerance = settings.occlusion_tolerance
+    hidden = surface.caster.occluded(eye, surface.centroid[seen.face], tolerance)
+    # Per vertex: 0 not needed, 1 free, 2 hidden; `near` marks the corners of faces with anything hidden.
+    near = np.zeros(len(surface.vertices), dtype=np.bool_)
+    near[surface.faces[seen.face[hidden]]] = True
+    seen = seen.subset(~hidden)
+    corners = surface.faces[seen.face]
+    needed = np.zeros(len(near), dtype=np.bool_)
+    needed[corners] = True
+    vertex = np.flatnonzero(needed)
+    covered = np.zeros(len(near), dtype=np.bool_)
+    covered[vertex] = surface.caster.occluded(eye, surface.vertices[vertex], tolerance)
+    free = 1 + np.count_nonzero(~covered[corners], axis=1)
+    near[corners[free < 4]] = True
+    share = (free / 4).astype(np.float32)
+    doubtful = np.flatnonzero(near[corners].any(axis=1))
+    points = np.einsum("pk,nkc->npc", _EXTRA_POINTS, surface.vertices[corners[doubtful]])
+    points /= _EXTRA_POINTS.sum(axis=1)[:, None]
+    blocked = surface.caster.occluded(eye, points.reshape(-1, 3), tolerance).reshape(-1, len(_EXTRA_POINTS))
+    share[doubtful] = (free[doubtful] + np.count_nonzero(~blocked, axis=1)) / (4 + len(_EXTRA_POINTS))
+    checked = VisibleFaces(seen.face, seen.uv, share, seen.texel, seen.cosine, seen.distance)
+    return checked.subset(share >= settings.visible_share)
+
+
+def project(view: View, points: FloatArray) -> FloatArray:
+    """Pixels of world points in a view: (N,3) m -> (N,2), NaN where the camera does not see them."""
+    # Subtracting the centre first keeps the digits of coordinates in the millions.
+    return view.camera.project((points - view.centre) @ np.asarray(view.rotation, dtype=np.float64).T)
+
+
+def triangle_areas(corners: FloatArray) -> FloatArray:
+    """Areas of triangles in the plane: (n,3,2) -> (n,)."""
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area: FloatArray = 0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+    return area
