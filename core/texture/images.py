@@ -118,7 +118,8 @@ def to_srgb(linear: Float32Array | FloatArray) -> Float32Array:
 def to_bytes(srgb: Float32Array | FloatArray) -> ByteArray:
     """8-bit values of sRGB ones in [0, 1], rounded."""
     scaled = np.rint(np.clip(srgb, 0, 1).astype(np.float32) * np.float32(255))
-    return scaled.astype(np.uint8)
+    codes: ByteArray = scaled.astype(np.uint8)
+    return codes
 
 
 _CODES: FloatArray = np.arange(256, dtype=np.float64) / 255.0

@@ -20,7 +20,7 @@ def view_of(camera, centre, target=(0, 0, 0)):
 
 
 def worst_error(mesh, view, samples=400):
-    """Largest distance (pixels) between affine UVs and the true projection, at random points of whole faces."""
+    """Largest distance (pixels) of affine UVs from the true projection, at random points of whole faces."""
     corners = mesh.vertices[mesh.faces]
     pixels = view.camera.project(corners.reshape(-1, 3) @ view.rotation.T + view.translation).reshape(
         -1, 3, 2

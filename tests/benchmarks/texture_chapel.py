@@ -1,0 +1,232 @@
+"""A painted chapel with a known truth: mesh, and photos taken by casting rays at it.
+
+The paint is a function of place, finer than any photo resolves, so that no renderer has an advantage. Photos
+have several focal lengths, lens distortion, exposure, noise, and a few are out of focus.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from fresco.core.arrays import ByteArray, FloatArray, IntArray
+from fresco.core.cameras import PerspectiveCamera
+from fresco.core.geometry.rays import RayCaster
+from fresco.core.photos import View
+
+Mesh = tuple[FloatArray, IntArray]
+Patch = Callable[[FloatArray, FloatArray], FloatArray]
+
+_TILE = 4096
+_METRES = 6.0
+"""Side of the painted tile that repeats over the surfaces."""
+
+
+def chapel_mesh(cell: float = 0.067, roughness: float = 0.0008) -> Mesh:
+    """A nave of 12 x 8 m with barrel vault, six pillars, an altar and steps; faces look into the room."""
+    parts = [
+        _sheet(lambda u, v: np.stack([12 * u, 8 * v, 0 * u], -1), 12, 8, cell),
+        _sheet(lambda u, v: np.stack([12 * u, 0 * u, 4 * v], -1), 12, 4, cell, flip=True),
+        _sheet(lambda u, v: np.stack([12 * u, 8 + 0 * u, 4 * v], -1), 12, 4, cell),
+        _sheet(_end_wall(0.0), 8, 5.5, cell),
+        _sheet(_end_wall(12.0), 8, 5.5, cell, flip=True),
+        _sheet(_vault, 12, 10, cell, flip=True),
+        *(_pillar(x, y, cell) for x in (3.0, 6.0, 9.0) for y in (2.0, 6.0)),
+        *_box((10.2, 3.0, 0.0), (11.2, 5.0, 1.1), cell),
+        *_box((9.6, 2.4, 0.0), (11.9, 5.6, 0.2), cell),
+    ]
+    vertices = np.concatenate([part[0] for part in parts])
+    starts = np.cumsum([0] + [len(part[0]) for part in parts[:-1]])
+    faces = np.concatenate([part[1] + start for part, start in zip(parts, starts, strict=True)])
+    vertices += np.random.default_rng(5).normal(scale=roughness, size=vertices.shape)
+    return vertices, faces.astype(np.int32)
+
+
+def _sheet(patch: Patch, width: float, height: float, cell: float, flip: bool = False) -> Mesh:
+    columns, rows = max(1, round(width / cell)), max(1, round(height / cell))
+    u, v = np.meshgrid(np.linspace(0, 1, columns + 1), np.linspace(0, 1, rows + 1))
+    i = np.arange(u.size).reshape(u.shape)
+    a, b, c, d = i[:-1, :-1].ravel(), i[:-1, 1:].ravel(), i[1:, 1:].ravel(), i[1:, :-1].ravel()
+    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    return patch(u.ravel(), v.ravel()), faces[:, ::-1] if flip else faces
+
+
+def _end_wall(x: float) -> Patch:
+    def patch(u: FloatArray, v: FloatArray) -> FloatArray:
+        top = 4 + 2.4 * np.sqrt(np.maximum(0, 1 - (2 * u - 1) ** 2))
+        return np.stack([x + 0 * u, 8 * u, v * top], -1)
+
+    return patch
+
+
+def _vault(u: FloatArray, v: FloatArray) -> FloatArray:
+    angle = np.pi * v
+    return np.stack([12 * u, 4 - 4 * np.cos(angle), 4 + 2.4 * np.sin(angle)], -1)
+
+
+def _pillar(x: float, y: float, cell: float) -> Mesh:
+    def patch(u: FloatArray, v: FloatArray) -> FloatArray:
+        radius = 0.32 + 0.08 * (np.exp(-((v / 0.05) ** 2)) + np.exp(-(((1 - v) / 0.05) ** 2)))
+        angle = 2 * np.pi * u
+        return np.stack([x + radius * np.cos(angle), y + radius * np.sin(angle), 5.6 * v], -1)
+
+    return _sheet(patch, 2.0, 5.6, cell)
+
+
+def _box(low: tuple[float, float, float], high: tuple[float, float, float], cell: float) -> list[Mesh]:
+    (x0, y0, z0), (x1, y1, z1) = low, high
+    dx, dy, dz = x1 - x0, y1 - y0, z1 - z0
+    return [
+        _sheet(lambda u, v: np.stack([x0 + dx * u, y0 + dy * v, z1 + 0 * u], -1), dx, dy, cell),
+        _sheet(lambda u, v: np.stack([x0 + 0 * u, y0 + dy * u, z0 + dz * v], -1), dy, dz, cell, flip=True),
+        _sheet(lambda u, v: np.stack([x1 + 0 * u, y0 + dy * u, z0 + dz * v], -1), dy, dz, cell),
+        _sheet(lambda u, v: np.stack([x0 + dx * u, y0 + 0 * u, z0 + dz * v], -1), dx, dz, cell),
+        _sheet(lambda u, v: np.stack([x0 + dx * u, y1 + 0 * u, z0 + dz * v], -1), dx, dz, cell, flip=True),
+    ]
+
+
+def painted_tile() -> ByteArray:
+    """The tile (4096,4096,3) that covers the surfaces: plaster, ashlar joints, painted fields, fine print."""
+    random = np.random.default_rng(11)
+    tile = np.full((_TILE, _TILE, 3), (168, 158, 140), np.float32)
+    for octave in range(2, 11):
+        size = 2**octave
+        noise = random.normal(size=(size, size, 3)).astype(np.float32) * (
+            0.4 + 0.6 * random.normal(size=(size, size, 1))
+        )
+        noise = cv2.copyMakeBorder(noise.astype(np.float32), 0, 1, 0, 1, cv2.BORDER_WRAP)
+        tile += (11.0 if octave < 8 else 6.0) * cv2.resize(
+            noise, (_TILE, _TILE), interpolation=cv2.INTER_CUBIC
+        )
+    for row in range(12):  # ashlar
+        y = row * _TILE // 12
+        cv2.line(tile, (0, y), (_TILE, y), (96, 88, 78), 7)
+        for x in range(_TILE // 16 * (row % 2), _TILE, _TILE // 8):
+            cv2.line(tile, (x, y), (x, y + _TILE // 12), (96, 88, 78), 7)
+    for _ in range(42):  # painted fields and figures
+        centre = random.integers(200, _TILE - 200, 2).tolist()
+        axes = random.integers(30, 190, 2).tolist()
+        colour = random.integers(30, 230, 3).tolist()
+        angle = float(random.uniform(0, 180))
+        cv2.ellipse(
+            tile, centre, axes, angle, 0, 360, colour, -1 if random.random() < 0.6 else 14, cv2.LINE_AA
+        )
+    for _ in range(160):  # inscriptions
+        at = random.integers(50, _TILE - 500, 2).tolist()
+        text = "".join(chr(c) for c in random.integers(65, 91, 12))
+        cv2.putText(
+            tile,
+            text,
+            at,
+            cv2.FONT_HERSHEY_TRIPLEX,
+            float(random.uniform(0.8, 3)),
+            (46, 38, 40),
+            3,
+            cv2.LINE_AA,
+        )
+    return np.clip(tile, 4, 250).astype(np.uint8)
+
+
+def colours_at(points: FloatArray, normals: FloatArray, tile: ByteArray) -> FloatArray:
+    """Linear colours (N,3) of surface points: the tile seen along the dominant axis, with a broad tint."""
+    axis = np.argmax(np.abs(normals), axis=1)
+    other = np.array([[1, 2], [0, 2], [0, 1]])[axis]
+    rows = np.arange(len(points))
+    st = np.stack([points[rows, other[:, 0]], points[rows, other[:, 1]]], 1) + axis[:, None] * 1.37
+    pixel = np.mod(st / _METRES, 1) * _TILE - 0.5
+    rows_padded = -(-len(pixel) // 8192) * 8192
+    grid = np.zeros((rows_padded, 2), np.float32)
+    grid[: len(pixel)] = pixel
+    grid = grid.reshape(-1, 8192, 2)
+    value = cv2.remap(tile, grid[..., 0], grid[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
+    srgb = value.reshape(-1, 3)[: len(pixel)] / 255.0
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    tint = 1 + 0.25 * np.sin(points @ np.array([[0.5, 0.1, 0.4], [0.2, 0.6, -0.1], [0.3, -0.4, 0.5]]))
+    return 0.8 * linear * tint
+
+
+@dataclass(frozen=True)
+class Shot:
+    """How one photo is taken: `exposure` linear RGB factors, `blur` sigma in pixels."""
+
+    view: View
+    exposure: FloatArray
+    blur: float = 0.0
+
+
+def plan_shots(count: int = 30, size: tuple[int, int] = (1500, 1000), seed: int = 1) -> list[Shot]:
+    """Places in the nave; every fifth is meant to be held out. Ten exposures within 0.5 EV, three blurred."""
+    random = np.random.default_rng(seed)
+    shots = []
+    width, height = size
+    for number in range(count):
+        centre = np.array([random.uniform(0.8, 9.2), random.uniform(0.8, 7.2), random.uniform(1.4, 1.9)])
+        while min(np.hypot(centre[0] - x, centre[1] - y) for x in (3, 6, 9) for y in (2, 6)) < 0.8:
+            centre[:2] = random.uniform(0.8, 9.2), random.uniform(0.8, 7.2)
+        heading = 2 * np.pi * (number * 0.38196601125)
+        pitch = random.uniform(-0.35, 0.75)
+        ahead = np.array([np.cos(heading) * np.cos(pitch), np.sin(heading) * np.cos(pitch), np.sin(pitch)])
+        right = np.cross(ahead, (0, 0, 1))
+        right /= np.linalg.norm(right)
+        rotation = np.stack([right, np.cross(ahead, right), ahead])
+        focal = float(random.choice([0.62, 0.72, 0.9])) * width
+        K = [[focal, 0, width / 2 + 6], [0, focal, height / 2 - 9], [0, 0, 1]]
+        camera = PerspectiveCamera(width, height, K, (-0.09, 0.03, 0.0004, -0.0003))
+        ev = random.uniform(-0.5, 0.5) if number % 5 != 4 and number % 3 == 0 else 0.0
+        exposure = 2.0**ev * np.array([1 + 0.12 * ev, 1.0, 1 - 0.12 * ev])
+        blur = 2.5 if number in (6, 13, 20) else 0.0
+        view = View(
+            camera, rotation, -rotation @ centre, np.zeros((height, width, 3), np.uint8), f"shot{number:02d}"
+        )
+        shots.append(Shot(view, exposure, blur))
+    return shots
+
+
+def is_held_out(number: int) -> bool:
+    """Whether a shot of `plan_shots` is kept for comparison."""
+    return number % 5 == 4
+
+
+def photograph(shot: Shot, mesh: Mesh, tile: ByteArray, samples: int = 2, noise: float = 1.0) -> ByteArray:
+    """Pixels of a shot: `samples` squared rays per pixel, blur in linear light, noise in grey levels."""
+    vertices, faces = mesh
+    camera, view = shot.view.camera, shot.view
+    caster = RayCaster(vertices, faces)
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    light = np.zeros((camera.height, camera.width, 3))
+    u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    pixels = np.stack([u.ravel(), v.ravel()], 1).astype(float)
+    for du in (np.arange(samples) + 0.5) / samples - 0.5:
+        for dv in (np.arange(samples) + 0.5) / samples - 0.5:
+            rays = camera.unproject(pixels + np.array([du, dv])) @ view.rotation
+            hits = caster.first_hit(view.centre, rays)
+            seen = hits.face >= 0
+            colour = np.zeros((len(pixels), 3))
+            points = view.centre + rays[seen] * hits.distance[seen, None]
+            colour[seen] = colours_at(points, normals[hits.face[seen]], tile)
+            light += colour.reshape(light.shape)
+    light *= shot.exposure / samples**2
+    if shot.blur:
+        light = cv2.GaussianBlur(light, (0, 0), shot.blur)
+    light = np.clip(light, 0, 1)
+    srgb = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    random = np.random.default_rng(sum(view.name.encode()))
+    return np.clip(np.rint(255 * srgb + noise * random.normal(size=srgb.shape)), 0, 255).astype(np.uint8)
+
+
+def chapel_views(folder: Path, mesh: Mesh | None = None, count: int = 30) -> tuple[list[View], list[View]]:
+    """Photos used and held out, as PNG files in `folder`, taken now if they are not there."""
+    mesh = mesh or chapel_mesh()
+    tile = painted_tile()
+    folder.mkdir(parents=True, exist_ok=True)
+    used, held = [], []
+    for number, shot in enumerate(plan_shots(count)):
+        path = folder / f"{shot.view.name}.png"
+        if not path.exists():
+            cv2.imwrite(str(path), photograph(shot, mesh, tile)[..., ::-1])
+        (held if is_held_out(number) else used).append(replace(shot.view, image=path))
+    return used, held
