@@ -62,7 +62,7 @@ class Distortion:
         k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = np.pad(
             given[:12], (0, max(0, 12 - given.size))
         ).tolist()
-        return cls(_trimmed(k1, k2, k3), _trimmed(k4, k5, k6), (p1, p2), (s1, s2, s3, s4))
+        return cls(trimmed(k1, k2, k3), trimmed(k4, k5, k6), (p1, p2), (s1, s2, s3, s4))
 
     @property
     def opencv(self) -> tuple[float, ...]:
@@ -220,7 +220,7 @@ class Distortion:
         return float(self._inverse.highest + extra * self.limit**2)
 
 
-def _trimmed(*coefficients: float) -> tuple[float, ...]:
+def trimmed(*coefficients: float) -> tuple[float, ...]:
     """Coefficients without zeros at their end."""
     length = max((i + 1 for i, value in enumerate(coefficients) if value != 0), default=0)
     return coefficients[:length]

@@ -56,6 +56,11 @@ class EquirectangularCamera(Camera):
         """Pixels of a full turn: u and u + turn are the same direction."""
         return self.full_size[0]
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether the photo is a whole panorama, not a crop."""
+        return self.full_size == (float(self.width), float(self.height)) and not any(self.offset)
+
     def unwrapped(self, pixels: ArrayLike, reference: ArrayLike) -> FloatArray:
         """Pixels (...,2) shifted by whole turns to lie nearest to `reference` (...,2)."""
         out = np.array(pixels, dtype=np.float64)

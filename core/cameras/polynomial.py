@@ -68,8 +68,8 @@ class PolynomialCamera(Camera):
         # The angle is atan2(rho, g): it grows while g - rho g' > 0, whose terms are (1 - i) a_i.
         return min(first_positive_root(a * (1 - np.arange(a.size))), float(FAR * a[0]))
 
-    def _lift(self, rho: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Polynomial g and its derivative."""
+    def lift(self, rho: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Polynomial g and its derivative: rho (...) pixels -> (...), (...)."""
         value, slope = np.zeros_like(rho), np.zeros_like(rho)
         for a in reversed(self.coefficients):
             slope = slope * rho + value
@@ -77,7 +77,7 @@ class PolynomialCamera(Camera):
         return value, slope
 
     def _angle_with_slope(self, rho: FloatArray) -> tuple[FloatArray, FloatArray]:
-        value, slope = self._lift(rho)
+        value, slope = self.lift(rho)
         return np.arctan2(rho, value), (value - rho * slope) / (rho * rho + value * value)
 
     @cached_property
@@ -134,7 +134,7 @@ class PolynomialCamera(Camera):
         plane = (np.asarray(pixels, dtype=np.float64) - self.centre) @ np.linalg.inv(self._affine).T
         rho = np.hypot(plane[..., 0], plane[..., 1])
         rho[~(rho < self.limit)] = np.nan
-        height = self._lift(rho)[0]
+        height = self.lift(rho)[0]
         rays: FloatArray = np.concatenate([plane, height[..., None]], axis=-1)
         rays /= np.hypot(rho, height)[..., None]
         return rays
