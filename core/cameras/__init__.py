@@ -7,6 +7,7 @@ from .equirectangular import EquirectangularCamera
 from .fisheye import FisheyeCamera
 from .perspective import PerspectiveCamera
 from .polynomial import PolynomialCamera
+from .resolution import angular_resolution, ground_sample_distance, pixel_solid_angle
 from .wide import DivisionCamera, ExtendedUnifiedCamera, FieldOfViewCamera
 
 __all__ = [
@@ -20,4 +21,7 @@ __all__ = [
     "FisheyeCamera",
     "PerspectiveCamera",
     "PolynomialCamera",
+    "angular_resolution",
+    "ground_sample_distance",
+    "pixel_solid_angle",
 ]

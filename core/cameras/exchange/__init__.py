@@ -1,0 +1,1 @@
+"""Cameras with their poses from and to other programs."""
