@@ -9,20 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Protocol
 
-import cv2
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 
-from ..arrays import ArrayLike, BoolArray, ByteArray, Float32Array, FloatArray, IndexArray, IntArray
+from ..arrays import ArrayLike, BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from ..cameras.base import Camera
 from ..errors import TextureError
+from ..geometry.rays import RayCaster
 from ..geometry.rigid import camera_centre
 from ..jobs import Job, Progress, drain, part
 from ..photos.view import View
+from .images import read_photo, to_bytes, to_linear, to_srgb, view_name
 
 BACKGROUND = (236, 236, 238)
 _RAYS_PER_STEP = 1 << 17
@@ -108,10 +106,10 @@ def trace_pixels_job(
     """Cast the ray of every pixel of `camera` at the mesh: (V,3) m, (F,3) -> PixelHits."""
     rotation = np.asarray(rotation, dtype=np.float64)
     triangles = np.asarray(faces, dtype=np.int64)
-    # Single-precision rays: coordinates relative to the camera keep their digits far from the origin.
-    local = np.asarray(vertices, dtype=np.float64) - camera_centre(rotation, translation)
+    centre = camera_centre(rotation, translation)
     yield Progress(0.0, "sorting the mesh")
-    caster = _Caster(local, triangles)
+    caster = RayCaster(vertices, triangles)
+    local = np.asarray(vertices, dtype=np.float64) - centre
     count = camera.width * camera.height
     face = np.full(count, -1, dtype=np.int32)
     weights = np.zeros((count, 3), dtype=np.float32)
@@ -122,7 +120,7 @@ def trace_pixels_job(
             camera.unproject(np.stack([pixel % camera.width, pixel // camera.width], axis=1)) @ rotation
         )
         rays[pixel] = directions
-        hit = caster.first_face(directions)
+        hit = caster.first_hit(centre, directions).face
         seen = hit >= 0
         face[pixel] = hit
         weights[pixel[seen]] = _barycentric(local[triangles[hit[seen]]], directions[seen])
@@ -145,8 +143,8 @@ def shade_textured_job(
     pixel_view = np.where(hits.face >= 0, textured.view[hits.face], -1)
     used = np.unique(pixel_view[pixel_view >= 0])
     for done, index in enumerate(used):
-        yield Progress(done / len(used), f"Reading photo {views[index].name or index}")
-        photo = read_image(views[index])
+        yield Progress(done / len(used), f"Reading {view_name(views[index], index)}")
+        photo = read_photo(views[index], index)
         pixels = pixel_view == index
         uv = np.einsum("nk,nkc->nc", hits.weights[pixels], textured.uv[hits.face[pixels]])
         colours = sample_bilinear(photo, uv)
@@ -195,7 +193,7 @@ def vertex_normals(vertices: ArrayLike, faces: ArrayLike) -> FloatArray:
 
 
 def sample_bilinear(image: ByteArray, pixels: ArrayLike) -> FloatArray:
-    """Bilinear values of an image at pixels, clamped to the frame: (H,W,3), (N,2) -> (N,3), 0 to 255."""
+    """Bilinear values at pixels, clamped to the frame and not rounded: (H,W,3), (N,2) -> (N,3), 0 to 255."""
     height, width = image.shape[:2]
     at = np.asarray(pixels, dtype=np.float64)
     u, v = np.clip(at[:, 0], 0, width - 1), np.clip(at[:, 1], 0, height - 1)
@@ -212,47 +210,11 @@ def sample_bilinear(image: ByteArray, pixels: ArrayLike) -> FloatArray:
 
 
 def apply_gain(colours: FloatArray, gain: ArrayLike) -> ByteArray:
-    """Multiply sRGB colours by linear factors: (N,3) 0 to 255, (3,) -> (N,3) uint8. Source: IEC 61966-2-1."""
-    s = np.clip(colours / 255.0, 0, 1)
-    linear = np.where(s <= 0.04045, s / 12.92, ((s + 0.055) / 1.055) ** 2.4) * np.asarray(
-        gain, dtype=np.float64
-    )
-    linear = np.clip(linear, 0, 1)
-    s = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    out: ByteArray = np.rint(255 * s).astype(np.uint8)
-    return out
-
-
-def read_image(view: View) -> ByteArray:
-    """Pixels of a view's photo: (H,W,3) uint8 RGB, as stored. Raises TextureError."""
-    if isinstance(view.image, np.ndarray):
-        return view.image
-    path = Path(view.image)
-    try:
-        data = np.fromfile(path, dtype=np.uint8)  # cv2.imread cannot open every Unicode path on Windows
-    except OSError as error:
-        raise TextureError(f"{path}: the photo cannot be read ({error.strerror}).") from error
-    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
-    image = cv2.imdecode(data, flags) if len(data) else None
-    if image is None:
-        raise TextureError(f"{path}: this is not a photo, or the file is damaged.")
-    return np.ascontiguousarray(image[..., ::-1]).astype(np.uint8, copy=False)
-
-
-class _Caster:
-    """First face along rays from the origin."""
-
-    def __init__(self, vertices: FloatArray, faces: IndexArray) -> None:
-        self._scene = EmbreeScene()
-        self._mesh = TriangleMesh(self._scene, vertices.astype(np.float32), faces.astype(np.int32))
-
-    def first_face(self, directions: FloatArray) -> IntArray:
-        """Directions (N,3), NaN allowed -> face (N,), -1 where nothing is hit."""
-        hit = np.full(len(directions), -1, dtype=np.int32)
-        valid = np.flatnonzero(np.isfinite(directions).all(axis=1))
-        origins = np.zeros((len(valid), 3), dtype=np.float32)
-        hit[valid] = self._scene.run(origins, directions[valid].astype(np.float32))
-        return hit
+    """Multiply sRGB colours by linear factors: (N,3) 0 to 255, (3,) -> (N,3) uint8."""
+    factor = np.asarray(gain, dtype=np.float64)
+    if (factor == 1).all():
+        return to_bytes(colours / 255.0)
+    return to_bytes(to_srgb(to_linear(colours / 255.0) * factor))
 
 
 def _barycentric(corners: FloatArray, directions: FloatArray) -> FloatArray:

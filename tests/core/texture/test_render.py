@@ -2,7 +2,6 @@
 
 from types import SimpleNamespace
 
-import cv2
 import numpy as np
 import pytest
 from fresco.core.cameras import EquirectangularCamera, PerspectiveCamera
@@ -13,7 +12,6 @@ from fresco.core.photos.view import View
 from fresco.core.texture.quality import image_offset, psnr
 from fresco.core.texture.render import (
     apply_gain,
-    read_image,
     render_view,
     render_view_job,
     sample_bilinear,
@@ -188,19 +186,6 @@ def test_face_colours_keep_their_hue():
     red = shade_faces(hits, vertices, faces, np.tile(np.array([[200, 0, 0]], np.uint8), (len(faces), 1)))
     assert (red[hits.face >= 0][:, 1] == 0).all()
     assert (red[hits.face >= 0][:, 0] > 100).all()
-
-
-def test_a_photo_file_is_read_as_stored(tmp_path, photo):
-    path = tmp_path / "Ψ photo ä.png"
-    path.write_bytes(cv2.imencode(".png", photo.image[..., ::-1])[1].tobytes())
-    view = View(photo.camera, photo.rotation, photo.translation, path)
-    assert np.array_equal(read_image(view), photo.image)
-    path.write_bytes(b"not a photo")
-    with pytest.raises(TextureError, match="not a photo"):
-        read_image(view)
-    path.unlink()
-    with pytest.raises(TextureError, match="cannot be read"):
-        read_image(view)
 
 
 def test_a_texture_of_another_mesh_is_refused(photo):
