@@ -1,1 +1,1 @@
-"""The project file, its stages and their provenance."""
+"""The project file, the stages of a run, provenance and resuming."""

@@ -36,7 +36,7 @@ def exif_entry(tag, kind, value, at):
 
 
 def exif_block(tags, pointers):
-    """EXIF of our own making: `tags` of the image directory, `pointers` tag -> tags of a further directory."""
+    """EXIF of our own making: `tags` of the image directory, `pointers` tag -> tags of another directory."""
     image = tags | {pointer: (LONG, 0) for pointer in pointers}
     at = 8
     starts = {}

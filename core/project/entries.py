@@ -1,0 +1,92 @@
+"""A project as its file describes it, checked: what to read, what to solve, what to write.
+
+Nothing here holds pixels or vertices. Poses are in the world of the scan's file, in metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from ..arrays import FloatArray
+from ..photos.photo import Photo
+from ..settings import PoseSettings, ScanSettings, TextureSettings
+
+Use = Literal["texture", "pose", "none"]
+
+
+@dataclass(frozen=True)
+class ScanEntry:
+    """The scan and what only hides it (`occluders`: they get no texture)."""
+
+    path: Path
+    settings: ScanSettings = field(default_factory=ScanSettings)
+    occluders: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True)
+class LabelSource:
+    """An array in a file (.npy, or .npz with its `key`) that says which faces of the scan make a region.
+
+    With `names` it holds a number per face and `names` says what the numbers mean; without, it holds the
+    indices of the faces of the region `name`.
+    """
+
+    path: Path
+    key: str = ""
+    names: Mapping[int, str] = field(default_factory=dict)
+    name: str = ""
+
+    @property
+    def region_names(self) -> list[str]:
+        """Names of the regions it defines."""
+        return list(self.names.values()) or [self.name]
+
+
+@dataclass(frozen=True)
+class RegionEntries:
+    """Where the scan's regions come from: label arrays and face sets (region name -> face set's name).
+
+    `all_face_sets` takes every named face set of the scan.
+    """
+
+    labels: tuple[LabelSource, ...] = ()
+    face_sets: Mapping[str, str] = field(default_factory=dict)
+    all_face_sets: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoEntry:
+    """A photo of the project; a given `pose` (rotation (3,3), translation (3,)) is not solved again."""
+
+    photo: Photo
+    use: Use = "texture"
+    pose: tuple[FloatArray, FloatArray] | None = None
+
+
+@dataclass(frozen=True)
+class OutputEntry:
+    """What is written, and where; `name` begins the name of every file."""
+
+    folder: Path
+    name: str
+    blend: bool = True
+    glb: bool = True
+    obj: bool = True
+    report: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Project:
+    """A checked project file; `up` (3,) is the world's direction that points up in upright photos, if told."""
+
+    path: Path
+    scan: ScanEntry
+    regions: RegionEntries
+    photos: tuple[PhotoEntry, ...]
+    pose: PoseSettings
+    up: FloatArray | None
+    texture: TextureSettings
+    output: OutputEntry

@@ -1,0 +1,158 @@
+"""Reading a project file (TOML): everything is checked before anything is computed or written."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import ProjectError
+from ..scans.read import READERS
+from ..settings import PoseSettings, ScanSettings, TextureSettings
+from .entries import LabelSource, OutputEntry, Project, RegionEntries, ScanEntry
+from .photos import read_photos
+from .settings import read_settings
+from .table import Table
+
+VERSION = 1
+"""Version of the file format that this code reads (`fresco = 1`)."""
+
+_UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
+
+
+def load_project(path: Path | str) -> Project:
+    """Read and check a project file.
+
+    All paths in it are relative to its folder. Files have to exist and sizes to agree; pixels and vertices
+    are not read. Raises ProjectError with file, key and reason for the first thing that is wrong.
+    """
+    path = Path(path)
+    root = Table(path, _parse(path))
+    version = root.get("fresco")
+    if version != VERSION:
+        root.fail("fresco", f"has to be {VERSION}, the version of the file format")
+    pose = root.table("pose")
+    up = np.array(pose.numbers("up", [3])) if "up" in pose else None
+    project = Project(
+        path=path,
+        scan=_scan(root.table("scan", required=True)),
+        regions=_regions(root),
+        photos=read_photos(root),
+        pose=_settings(pose, PoseSettings),
+        up=up,
+        texture=_settings(root.table("texture"), TextureSettings),
+        output=_output(root.table("output"), path),
+    )
+    root.finish()
+    return project
+
+
+def _parse(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ProjectError(path, "", "there is no such project file") from None
+    except OSError as error:
+        raise ProjectError(path, "", f"cannot be read ({error.strerror or error})") from error
+    except UnicodeDecodeError as error:
+        raise ProjectError(path, "", f"is not UTF-8 text ({error.reason})") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ProjectError(path, "", f"is not TOML: {error}") from error
+
+
+def _scan(table: Table) -> ScanEntry:
+    path = table.path("path")
+    if path.suffix.lower() not in READERS:
+        known = ", ".join(sorted(READERS))
+        table.fail("path", f"unknown scan format “{path.suffix}”; known are {known}")
+    if isinstance(unit := table.get("unit"), str):
+        if unit not in _UNITS:
+            table.fail("unit", f"has to be one of {', '.join(_UNITS)}, or metres as a number, not “{unit}”")
+        table = Table(table.file, {**table.values, "unit": _UNITS[unit]}, table.key)
+    table.choice("up", ("auto", "y", "z"), "auto")
+    table.offer(("path",))
+    occluders = table.paths("occluders")
+    return ScanEntry(path, _settings(table, ScanSettings), occluders)
+
+
+def _settings(table: Table, kind: type[Any]) -> Any:
+    settings = read_settings(table, kind)
+    table.finish()
+    return settings
+
+
+def _regions(root: Table) -> RegionEntries:
+    """Regions of the scan: [regions] for many at once, [[region]] for single ones; else all face sets."""
+    many = root.table("regions")
+    single = root.tables("region")
+    labels = [*_label_array(many), *(source for table in single for source in _single_label(table))]
+    face_sets = {table.text("name"): table.text("face_set") for table in single if "face_set" in table}
+    chosen = many.get("face_sets", not labels and not face_sets)
+    if isinstance(chosen, list):
+        face_sets |= {str(name): str(name) for name in chosen}
+    elif not isinstance(chosen, bool):
+        many.fail("face_sets", "has to be true, false, or a list of names")
+    many.finish()
+    names = [*face_sets, *(name for source in labels for name in source.region_names)]
+    for name in names:
+        if names.count(name) > 1:
+            root.fail("region", f"“{name}” is there twice")
+    return RegionEntries(tuple(labels), face_sets, chosen is True)
+
+
+def _label_array(table: Table) -> list[LabelSource]:
+    if "labels" not in table:
+        table.offer(("labels", "key", "names"))
+        if "names" in table:
+            table.fail("labels", "is missing; names belong to the numbers of a label array")
+        return []
+    names = table.table("names", required=True)
+    meaning: dict[int, str] = {}
+    for name in names.values:
+        number = names.number(name, 0)
+        if number != int(number) or int(number) in meaning:
+            names.fail(name, "has to be a whole number that no other name has")
+        meaning[int(number)] = name
+    if not meaning:
+        table.fail("names", "is empty; give name = number for every region")
+    return [LabelSource(_array_file(table, "labels"), table.text("key", ""), meaning)]
+
+
+def _single_label(table: Table) -> list[LabelSource]:
+    """One [[region]]: `labels` with `id`, `faces` (indices), or `face_set`."""
+    name = table.text("name")
+    given = [key for key in ("labels", "faces", "face_set") if key in table]
+    table.offer(("labels", "faces", "face_set", "id", "key"))
+    table.finish()
+    if len(given) != 1:
+        table.fail("face_set", "give one of face_set, labels (with id), faces")
+    if given == ["face_set"]:
+        return []
+    path, key = _array_file(table, given[0]), table.text("key", "")
+    if given == ["faces"]:
+        return [LabelSource(path, key, name=name)]
+    number = table.number("id", 0)
+    if number != int(number):
+        table.fail("id", f"has to be a whole number, not {number:g}")
+    return [LabelSource(path, key, {int(number): name})]
+
+
+def _array_file(table: Table, key: str) -> Path:
+    path = table.path(key)
+    if path.suffix.lower() not in (".npz", ".npy"):
+        table.fail(key, f"has to be a .npy or .npz file, not {path.name}")
+    return path
+
+
+def _output(table: Table, path: Path) -> OutputEntry:
+    folder = table.resolve(table.text("folder", "output"))
+    if folder.exists() and not folder.is_dir():
+        table.fail("folder", f"{folder} is a file, not a folder")
+    name = table.text("name", path.stem)
+    if any(sign in name for sign in '/\\:*?"<>|'):
+        table.fail("name", f"“{name}” cannot be part of a file name on every system")
+    wanted = {key: table.flag(key, True) for key in ("blend", "glb", "obj", "report")}
+    table.finish()
+    return OutputEntry(folder, name, **wanted)

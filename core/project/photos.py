@@ -1,0 +1,243 @@
+"""Photos of a project file: entries may name one file or a pattern, later ones add to earlier ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ..arrays import FloatArray
+from ..cameras import Camera
+from ..errors import CameraError, FrescoError
+from ..photos.exif import read_exif
+from ..photos.image import SUFFIXES, image_size
+from ..photos.intrinsics import camera_from_exif
+from ..photos.marks import RegionMark, read_polygons
+from ..photos.photo import Photo
+from .cameras import CameraEntry, check_one_size
+from .entries import PhotoEntry, Use
+from .table import Table, hint
+
+T = TypeVar("T")
+
+_USES: tuple[Use, ...] = ("texture", "pose", "none")
+_KEYS = ("path", "camera", "regions", "mask", "use", "pose")
+
+
+@dataclass
+class _Draft:
+    """A photo while the entries that name it are put together: for every key the table that gave it last."""
+
+    path: Path
+    name: str
+    sources: dict[str, Table]
+
+
+def read_photos(project: Table) -> tuple[PhotoEntry, ...]:
+    """Read all [[photo]] and [[camera]] tables.
+
+    Files and sizes are checked, pixels are not read. Raises ProjectError.
+    """
+    cameras = _cameras(project)
+    drafts = _drafts(project)
+    if not drafts:
+        project.fail("photo", "is missing; name the photos with [[photo]] path = …")
+    sizes = {draft.path: _told(draft, image_size, draft.path) for draft in drafts}
+    _check_sizes(drafts, cameras, sizes)
+    entries = [_entry(draft, cameras, sizes[draft.path]) for draft in drafts]
+    return tuple(entry for entry in entries if entry is not None)
+
+
+def _cameras(project: Table) -> dict[str, CameraEntry]:
+    cameras: dict[str, CameraEntry] = {}
+    for table in project.tables("camera"):
+        entry = CameraEntry.from_table(table)
+        if entry.name in cameras:
+            table.fail("name", f"“{entry.name}” is there twice" if entry.name else "is missing")
+        cameras[entry.name] = entry
+    return cameras
+
+
+def _drafts(project: Table) -> list[_Draft]:
+    drafts: dict[Path, _Draft] = {}
+    for table in project.tables("photo"):
+        table.offer(_KEYS)
+        table.finish()
+        for path in _files(table):
+            draft = drafts.setdefault(path, _Draft(path, path.stem, {}))
+            draft.sources.update({key: table for key in _KEYS if key in table})
+    _make_names_unique(list(drafts.values()), project.file.parent)
+    return list(drafts.values())
+
+
+def _files(table: Table) -> list[Path]:
+    """Files of an entry; a pattern (*, ?, **) takes photos only."""
+    name = table.text("path")
+    if not any(sign in name for sign in "*?["):
+        return [table.path("path")]
+    folder, pattern = table.file.parent, name
+    if Path(name).is_absolute():
+        folder = Path(Path(name).anchor)
+        pattern = str(Path(name).relative_to(folder))
+    # Path.glob does not go up through “..”: the fixed beginning of the pattern is resolved first.
+    parts = Path(pattern).parts
+    fixed = next(number for number, part in enumerate(parts) if any(sign in part for sign in "*?["))
+    found = (folder.joinpath(*parts[:fixed])).glob(str(Path(*parts[fixed:])))
+    photos = sorted(path for path in found if path.suffix.lower() in SUFFIXES)
+    if not photos:
+        table.fail("path", f"no photo matches {name}")
+    return photos
+
+
+def _make_names_unique(drafts: list[_Draft], folder: Path) -> None:
+    """Photos of the same name in several folders keep their folder in the name."""
+    names = [draft.name for draft in drafts]
+    for draft in drafts:
+        if names.count(draft.path.stem) > 1:
+            inside = draft.path.is_relative_to(folder)
+            draft.name = (draft.path.relative_to(folder) if inside else draft.path).as_posix().strip("/")
+            draft.name = draft.name.replace("/", "_")
+
+
+def _camera_of(draft: _Draft, cameras: Mapping[str, CameraEntry]) -> CameraEntry | None:
+    """Return the camera a photo names, else the one without name, else the only one; None is EXIF."""
+    table = draft.sources.get("camera")
+    if table is not None:
+        name = table.text("camera")
+        if name not in cameras:
+            table.fail("camera", f"there is no [[camera]] named “{name}”{hint(name, filter(None, cameras))}")
+        return cameras[name]
+    return cameras.get("") or (next(iter(cameras.values())) if len(cameras) == 1 else None)
+
+
+def _check_sizes(
+    drafts: list[_Draft], cameras: Mapping[str, CameraEntry], sizes: Mapping[Path, tuple[int, int]]
+) -> None:
+    by_camera: dict[str, dict[tuple[int, int], Path]] = {}
+    for draft in drafts:
+        entry = _camera_of(draft, cameras)
+        if entry is not None:
+            by_camera.setdefault(entry.name, {}).setdefault(sizes[draft.path], draft.path)
+    for name, found in by_camera.items():
+        check_one_size(cameras[name], found)
+
+
+def _entry(draft: _Draft, cameras: Mapping[str, CameraEntry], size: tuple[int, int]) -> PhotoEntry | None:
+    sources = draft.sources
+    use: Any = sources["use"].choice("use", _USES, "texture") if "use" in sources else "texture"
+    if use == "none":
+        return None
+    pose = _pose(sources["pose"].table("pose")) if "pose" in sources else None
+    return PhotoEntry(_photo(draft, cameras, size), use, pose)
+
+
+def _photo(draft: _Draft, cameras: Mapping[str, CameraEntry], size: tuple[int, int]) -> Photo:
+    exif = read_exif(draft.path)
+    entry = _camera_of(draft, cameras)
+    camera: Camera
+    if entry is None:
+        camera, note = _told(draft, camera_from_exif, exif, *size)
+    else:
+        camera, note = entry.make(*size, exif)
+    if (camera.width, camera.height) != size:
+        draft.sources["path"].fail(
+            "path",
+            f"{draft.path} is {size[0]} x {size[1]} pixels, but its camera is calibrated for "
+            f"{camera.width} x {camera.height}; use the original photo or the right calibration",
+        )
+    notes = tuple(text for text in (exif.orientation_note(*size), note) if text)
+    return Photo(draft.path, draft.name, camera, tuple(_marks(draft, size)), _mask(draft, size), exif, notes)
+
+
+def _told(draft: _Draft, read: Callable[..., T], *arguments: Any) -> T:
+    """Return what `read` returns; what it complains about is told with the photo's entry."""
+    try:
+        return read(*arguments)
+    except CameraError as error:
+        draft.sources["path"].fail("camera", f"{draft.path.name}: {error}")
+    except FrescoError as error:
+        draft.sources["path"].fail("path", str(error))
+
+
+def _marks(draft: _Draft, size: tuple[int, int]) -> Iterator[RegionMark]:
+    """Marks of a photo: a table of names, a pattern of masks, or a file of polygons."""
+    table = draft.sources.get("regions")
+    if table is None:
+        return
+    value = table.get("regions")
+    if isinstance(value, dict):
+        for name in value:
+            yield _mask_mark(name, table.table("regions").path(name), table, size)
+    elif isinstance(value, str) and "{region}" in value:
+        yield from (_mask_mark(name, path, table, size) for name, path in _matching(draft, table, value))
+    elif isinstance(value, str):
+        path = table.resolve(value.replace("{photo}", draft.path.stem))
+        yield from (_told(draft, read_polygons, path).values() if path.is_file() else ())
+    else:
+        table.fail(
+            "regions",
+            "has to be a table { name = mask file }, a pattern like masks/{photo}/{region}.png, "
+            "or a file of polygons",
+        )
+
+
+def _matching(draft: _Draft, table: Table, pattern: str) -> Iterator[tuple[str, Path]]:
+    """Region names and masks that fit a pattern with {region} and perhaps {photo}; a photo may have none."""
+    head, _, tail = pattern.replace("{photo}", draft.path.stem).partition("{region}")
+    if "/" in tail or "\\" in tail:
+        table.fail("regions", "{region} has to be in the file name, the last part of the pattern")
+    full = table.resolve(head + "x")
+    begin = full.name[:-1]
+    folder = full.parent
+    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+        if path.name.startswith(begin) and path.name.endswith(tail) and path.is_file():
+            name = path.name[len(begin) : len(path.name) - len(tail)]
+            if name:
+                yield name, path
+
+
+def _mask_mark(name: str, path: Path, table: Table, size: tuple[int, int]) -> RegionMark:
+    _check_mask_size(path, table, "regions", size)
+    return RegionMark(name, path)
+
+
+def _mask(draft: _Draft, size: tuple[int, int]) -> Path | None:
+    """Mask of the usable part of a photo; a pattern with {photo} need not have a file for every photo."""
+    table = draft.sources.get("mask")
+    if table is None:
+        return None
+    pattern = table.text("mask")
+    path = table.resolve(pattern.replace("{photo}", draft.path.stem))
+    if not path.is_file():
+        return None if "{photo}" in pattern else table.existing("mask", pattern)
+    _check_mask_size(path, table, "mask", size)
+    return path
+
+
+def _check_mask_size(path: Path, table: Table, key: str, size: tuple[int, int]) -> None:
+    """Compare a mask's header with its photo; whether it is empty shows when it is read."""
+    try:
+        width, height = image_size(path)
+    except FrescoError as error:
+        table.fail(key, str(error).replace("photo", "mask"))
+    if (width, height) != size:
+        turned = " (it was made on the turned photo, turn it back)" if (height, width) == size else ""
+        table.fail(key, f"{path} is {width} x {height} pixels, its photo {size[0]} x {size[1]}{turned}")
+
+
+def _pose(table: Table) -> tuple[FloatArray, FloatArray]:
+    """Return a given pose: rotation (3,3) world to camera, and translation or centre (3,), metres."""
+    rotation = np.array(table.matrix("rotation", 3, 3))
+    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0:
+        table.fail("rotation", "is no rotation matrix: its rows have to be perpendicular unit vectors")
+    if ("translation" in table) == ("centre" in table):
+        table.fail("translation", "give either translation or centre")
+    if "centre" in table:
+        translation: FloatArray = -rotation @ np.array(table.numbers("centre", [3]))
+    else:
+        translation = np.array(table.numbers("translation", [3]))
+    table.finish()
+    return rotation, translation

@@ -1,0 +1,112 @@
+"""Regions of the scan as the project names them."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ..arrays import AnyArray, IntArray
+from ..errors import ProjectError, ScanError
+from ..regions.surface_region import SurfaceRegion
+from ..scans.scan import Scan
+from .entries import LabelSource, PhotoEntry, Project
+from .table import hint
+
+
+def region_faces(project: Project, scan: Scan) -> dict[str, IntArray]:
+    """Face indices of every region of the project.
+
+    Raises ProjectError for label arrays that do not fit the scan, unknown face sets, and empty regions.
+    """
+    entries = project.regions
+    found: dict[str, IntArray] = dict(scan.face_sets) if entries.all_face_sets else {}
+    for name, face_set in entries.face_sets.items():
+        if face_set not in scan.face_sets:
+            reason = f"the scan has no face set “{face_set}”{hint(face_set, scan.face_sets)}"
+            raise ProjectError(project.path, f"region.{name}", reason)
+        found[name] = scan.face_sets[face_set]
+    for source in entries.labels:
+        found.update(_labelled(project.path, source, scan))
+    for name, faces in found.items():
+        if len(faces) == 0:
+            raise ProjectError(project.path, f"region.{name}", f"no face of {scan.name} belongs to it")
+    return found
+
+
+def _labelled(project: Path, source: LabelSource, scan: Scan) -> dict[str, IntArray]:
+    array = _read_array(project, source)
+    if source.names:
+        if array.shape != (scan.file_face_count,):
+            reason = (
+                f"{source.path.name} holds labels of shape {array.shape}, but the scan's file has "
+                f"{scan.file_face_count} faces"
+            )
+            raise ProjectError(project, "regions.labels", reason)
+        labels = array[scan.file_faces]
+        return {name: np.flatnonzero(labels == n).astype(np.int32) for n, name in source.names.items()}
+    chosen = np.zeros(scan.file_face_count, dtype=np.bool_)
+    if array.ndim != 1 or (array.size and not 0 <= int(array.min()) <= int(array.max()) < len(chosen)):
+        reason = f"{source.path.name} has to hold face indices from 0 to {len(chosen) - 1}"
+        raise ProjectError(project, f"region.{source.name}", reason)
+    chosen[array] = True
+    return {source.name: np.flatnonzero(chosen[scan.file_faces]).astype(np.int32)}
+
+
+def _read_array(project: Path, source: LabelSource) -> AnyArray:
+    """Whole numbers of a .npy or .npz file."""
+    key = "regions.labels" if source.names else f"region.{source.name}"
+    try:
+        content = np.load(source.path, allow_pickle=False)
+        if isinstance(content, np.lib.npyio.NpzFile):
+            with content:
+                array = content[_array_name(project, source, content.files)]
+        else:
+            array = content
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise ProjectError(project, key, f"{source.path} cannot be read ({error})") from error
+    if not np.issubdtype(array.dtype, np.integer):
+        raise ProjectError(project, key, f"{source.path.name} has to hold whole numbers, not {array.dtype}")
+    numbers: AnyArray = array
+    return numbers
+
+
+def _array_name(project: Path, source: LabelSource, names: list[str]) -> str:
+    if source.key in names:
+        return source.key
+    if not source.key and len(names) == 1:
+        return names[0]
+    reason = f"{source.path.name} has no array “{source.key}”{hint(source.key, names)}"
+    if not source.key:
+        reason = f"{source.path.name} holds several arrays; name one: {', '.join(names)}"
+    raise ProjectError(project, "regions.key" if source.names else f"region.{source.name}.key", reason)
+
+
+def surface_regions(scan: Scan, faces: Mapping[str, IntArray]) -> dict[str, SurfaceRegion]:
+    """Surface regions in the scan's local coordinates, each with the vertices it needs.
+
+    Raises ScanError for a point cloud and RegionError for a region without area.
+    """
+    if scan.is_cloud:
+        raise ScanError(
+            f"{scan.name}: the scan is a point cloud; regions and texture need a mesh, mesh it first"
+        )
+    surfaces = {}
+    for name, chosen in faces.items():
+        used, corners = np.unique(scan.faces[chosen].ravel(), return_inverse=True)
+        surfaces[name] = SurfaceRegion(scan.vertices[used], corners.reshape(-1, 3), name)
+    return surfaces
+
+
+def check_partners(project: Path, photos: tuple[PhotoEntry, ...], names: Mapping[str, object]) -> None:
+    """Refuse marks whose region the scan does not have: a misspelt name must not silently lose its region."""
+    for entry in photos:
+        for mark in entry.photo.regions:
+            if mark.name not in names:
+                where = mark.path or f"a polygon of {entry.photo.name}"
+                reason = (
+                    f"{where} marks “{mark.name}”, but the scan has no such region{hint(mark.name, names)}"
+                )
+                raise ProjectError(project, "photo.regions", reason)
