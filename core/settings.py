@@ -33,8 +33,9 @@ class ScanSettings:
 class PoseSettings:
     """Camera poses from regions."""
 
-    overlap_limit: float = 5.0
-    """Largest overlap error (%) at which a pose counts as found (published criterion: 5 %)."""
+    overlap_limit: float = 20.0
+    """Largest overlap error (%) at which a pose counts as found. Roughly drawn regions overlap by no better than
+    their own drawing error; a wrong pose leaves more."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,25 @@ class TextureSettings:
 
     gain_anchor: int | None = None
     """Photo whose colours stay as they are; without one the photos' mean exposure stays."""
+
+    smoothness: float = 100.0
+    """Length, in texels of the finest photos, at which a seam costs as much as one octave of resolution over
+    its square; larger: fewer, larger patches; 0: every face takes its own best photo."""
+
+    sharpness: Literal["compared", "off"] = "compared"
+    """Measure the photos' blur by comparing them on the same surface."""
+
+    check_poses: bool = True
+    """Leave out photos whose contents lie elsewhere than in their neighbours."""
+
+    reject_foreign: bool = True
+    """Leave out the parts of photos that show what other photos do not: people, vehicles, glare."""
+
+    analysed_pixels: float = 6.5e6
+    """Larger photos are halved until they have at most so many pixels before they are compared."""
+
+    threads: int = 0
+    """Photos looked at together; each takes up to about 150 MB for a moment. 0: one per core, at most 8."""
 
 
 @dataclass(frozen=True)
