@@ -80,7 +80,7 @@ class OutputEntry:
 
 @dataclass(frozen=True, eq=False)
 class Project:
-    """A checked project file; `up` (3,) is the world's direction that points up in upright photos, if told."""
+    """A checked project file; `up` (3,) is the direction that points up in upright photos, if told."""
 
     path: Path
     scan: ScanEntry

@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 ROOMS = ["scans", "photos", "regions", "pose", "homography", "texture", "project", "report"]
-SHARED = {"geometry", "cameras", "jobs", "errors", "settings", "arrays"}
+SHARED = {"geometry", "cameras", "jobs", "errors", "files", "settings", "arrays"}
 CORE_FILES = sorted((ROOT / "core").rglob("*.py"))
 
 

@@ -1,0 +1,226 @@
+"""The pose stage: every photo from its regions; a photo that fails says why and does not stop the others."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..arrays import ArrayLike, FloatArray
+from ..cameras.files.dictionary import camera_to_dict
+from ..errors import PoseNotFound, RegionError
+from ..jobs import Job, Progress, drain, part
+from ..photos.marks import RegionMark
+from ..photos.photo import Photo
+from ..pose.pose import Pose
+from ..pose.regions.estimate import estimate_pose_job
+from ..pose.regions.problem import check_image_region
+from ..pose.regions.region_pose import RegionPose
+from ..regions.image_region import ImageRegion
+from ..regions.surface_region import SurfaceRegion
+from ..settings import PoseSettings
+from .digest import code_digest, digest
+from .store import Store
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoPose:
+    """What became of a photo: its pose, or the sentence that says why it has none.
+
+    `pose` is in the local coordinates of the scan. An ambiguous pose is kept for showing, but `failure` says
+    that it does not count. `regions` are the names that were used; `notes` tell of those that were not.
+    """
+
+    photo: str
+    pose: Pose | None
+    failure: str = ""
+    regions: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    given: bool = False
+    seconds: float = 0.0
+
+    @property
+    def solved(self) -> bool:
+        """Whether the pose can be used."""
+        return self.pose is not None and not self.failure
+
+    @property
+    def overlap_error(self) -> float | None:
+        """Overlap error δ in percent; None for a given pose."""
+        return self.pose.overlap_error if isinstance(self.pose, RegionPose) else None
+
+
+def solve_poses(
+    photos: Sequence[Photo],
+    surfaces: Mapping[str, SurfaceRegion],
+    settings: PoseSettings | None = None,
+    up: ArrayLike | None = None,
+) -> list[PhotoPose]:
+    """Run `solve_poses_job` to its end."""
+    return drain(solve_poses_job(photos, surfaces, settings, up))
+
+
+def solve_poses_job(
+    photos: Sequence[Photo],
+    surfaces: Mapping[str, SurfaceRegion],
+    settings: PoseSettings | None = None,
+    up: ArrayLike | None = None,
+    store: Store | None = None,
+) -> Job[list[PhotoPose]]:
+    """Find the pose of every photo from its marked regions.
+
+    `surfaces` are the scan's regions by name, in the coordinates the poses shall be in. `up` (3,) is the
+    direction there that points up in photos that were not turned. With a `store` every photo's result is kept
+    as soon as it is there, and taken over when nothing changed.
+    """
+    settings, store = settings or PoseSettings(), store or Store()
+    surface_digests = {name: digest(s.vertices, s.faces) for name, s in surfaces.items()}
+    results = []
+    for number, photo in enumerate(photos):
+        yield Progress(number / max(len(photos), 1), f"Finding the camera of {photo.name}")
+        try:
+            images, notes = _read_regions(photo, surfaces)
+        except RegionError as error:
+            results.append(PhotoPose(photo.name, None, str(error)))
+            continue
+        key = _key(photo, images, surface_digests, settings, up)
+        saved = store.load(f"pose {photo.name}", key)
+        if saved is not None:
+            results.append(pose_from_dict(saved))
+            continue
+        partners = [surfaces[image.name] for image in images]
+        job = _solve_job(photo, images, partners, settings, up, notes)
+        results.append(
+            (yield from part(job, number / len(photos), (number + 1) / len(photos), f"{photo.name}: "))
+        )
+        store.save(f"pose {photo.name}", key, pose_to_dict(results[-1]))
+    return results
+
+
+def _read_regions(
+    photo: Photo, surfaces: Mapping[str, SurfaceRegion]
+) -> tuple[list[ImageRegion], tuple[str, ...]]:
+    """Regions of a photo that have a partner and are seen whole, and sentences on the others.
+
+    Raises RegionError when a mark cannot be read or none can be used.
+    """
+    images, notes = [], []
+    for mark in photo.regions:
+        if mark.name not in surfaces:
+            notes.append(f"Region “{mark.name}” has no partner on the scan.")
+            continue
+        mask = mark.read_mask(photo.camera.width, photo.camera.height)
+        image = _image_region(mark, mask)
+        try:
+            check_image_region(photo.camera, image)
+        except RegionError as error:  # cut off by the frame, too small: the other regions may do
+            notes.append(str(error))
+            continue
+        images.append(image)
+    if not images:
+        told = " ".join(notes) or "No region is marked in this photo."
+        raise RegionError(f"{told} Mark a region that is seen whole, in the photo and on the scan.")
+    return images, tuple(notes)
+
+
+def _image_region(mark: RegionMark, mask: ArrayLike | None) -> ImageRegion:
+    if mask is not None:
+        return ImageRegion.from_mask(mask, mark.name)
+    assert mark.outline is not None  # a mark without mask is a polygon
+    return ImageRegion.from_polygon(mark.outline, mark.holes, mark.name)
+
+
+def _solve_job(
+    photo: Photo,
+    images: list[ImageRegion],
+    partners: list[SurfaceRegion],
+    settings: PoseSettings,
+    up: ArrayLike | None,
+    notes: tuple[str, ...],
+) -> Job[PhotoPose]:
+    start = time.perf_counter()
+    pose: RegionPose | None = None
+    try:
+        # In a photo that was turned the tag tells that up is elsewhere in the stored pixels.
+        upright = up if photo.exif.orientation == 1 else None
+        pose = yield from estimate_pose_job(photo.camera, images, partners, up=upright, settings=settings)
+        failure = ambiguity(pose)
+    except (PoseNotFound, RegionError) as error:
+        failure = str(error)
+    names = tuple(image.name for image in images)
+    return PhotoPose(photo.name, pose, failure, names, notes, False, time.perf_counter() - start)
+
+
+def ambiguity(pose: RegionPose) -> str:
+    """Why a pose does not count although it fits; empty when it does."""
+    if not pose.ambiguous:
+        return ""
+    return f"The regions alone do not decide: {pose.reason} Add a region, best on another wall."
+
+
+def _key(
+    photo: Photo,
+    images: Sequence[ImageRegion],
+    surfaces: Mapping[str, str],
+    settings: PoseSettings,
+    up: ArrayLike | None,
+) -> str:
+    """Fingerprint of all that the pose depends on; the pixels of the photo are not among it."""
+    outlines = [(image.name, image.frame, list(image.loops), surfaces[image.name]) for image in images]
+    return digest(code_digest(), camera_to_dict(photo.camera), outlines, settings, np.asarray(up or ()))
+
+
+def pose_to_dict(result: PhotoPose) -> dict[str, Any]:
+    """Plain numbers and texts of a result, as `pose_from_dict` reads them."""
+    pose = result.pose
+    return {
+        "photo": result.photo,
+        "pose": None if pose is None else _pose_numbers(pose),
+        "failure": result.failure,
+        "regions": list(result.regions),
+        "notes": list(result.notes),
+        "seconds": result.seconds,
+    }
+
+
+def _pose_numbers(pose: Pose) -> dict[str, Any]:
+    numbers: dict[str, Any] = {
+        name: getattr(pose, name).tolist() for name in ("rotation", "translation", "covariance")
+    }
+    if isinstance(pose, RegionPose):
+        for name in ("overlap_error", "ambiguous", "reason", "locked"):
+            numbers[name] = getattr(pose, name)
+        numbers["region_errors"] = list(pose.region_errors)
+        numbers["alternatives"] = [_pose_numbers(other) for other in pose.alternatives]
+    return numbers
+
+
+def pose_from_dict(saved: Mapping[str, Any]) -> PhotoPose:
+    """Return the result that `pose_to_dict` wrote down."""
+    pose = saved["pose"]
+    return PhotoPose(
+        saved["photo"],
+        None if pose is None else _region_pose(pose),
+        saved["failure"],
+        tuple(saved["regions"]),
+        tuple(saved["notes"]),
+        seconds=saved["seconds"],
+    )
+
+
+def _region_pose(numbers: Mapping[str, Any]) -> RegionPose:
+    arrays: dict[str, FloatArray] = {
+        name: np.array(numbers[name]) for name in ("rotation", "translation", "covariance")
+    }
+    return RegionPose(
+        **arrays,
+        overlap_error=numbers["overlap_error"],
+        region_errors=tuple(numbers["region_errors"]),
+        alternatives=tuple(_region_pose(other) for other in numbers["alternatives"]),
+        ambiguous=numbers["ambiguous"],
+        reason=numbers["reason"],
+        locked=numbers["locked"],
+    )

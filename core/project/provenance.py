@@ -1,0 +1,129 @@
+"""Where a result comes from: inputs with fingerprints, settings, versions, what became of every photo."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.metadata
+import json
+import platform
+import tomllib
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import scipy
+
+from ..arrays import FloatArray
+from ..cameras.files.dictionary import camera_to_dict
+from ..files import replacing
+from ..scans.scan import Scan
+from .digest import code_digest
+from .entries import PhotoEntry, Project
+from .poses import PhotoPose
+from .textures import TexturedScan
+
+_MANIFEST = Path(__file__).resolve().parents[2] / "blender_manifest.toml"
+
+
+def fresco_version() -> str:
+    """Version of this program: of the extension, else of the installed package."""
+    if _MANIFEST.is_file():
+        return str(tomllib.loads(_MANIFEST.read_text(encoding="utf-8"))["version"])
+    return importlib.metadata.version("fresco")
+
+
+def provenance(
+    project: Project,
+    digests: Mapping[Path, str],
+    scan: Scan,
+    poses: Sequence[PhotoPose],
+    textured: TexturedScan,
+    seconds: Mapping[str, float],
+) -> dict[str, Any]:
+    """Everything needed to tell later how a result was made, as plain numbers and texts.
+
+    Poses are in the world of the scan's file, in metres; paths are relative to the project file.
+    """
+    return {
+        "written": datetime.now(UTC).isoformat(timespec="seconds"),
+        "versions": {
+            "fresco": fresco_version(),
+            "code": code_digest(),
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+            "scipy": scipy.__version__,
+            "opencv": cv2.__version__,
+        },
+        "project": project.path.name,
+        "inputs": {_relative(path, project): digests[path] for path in sorted(digests)},
+        "settings": {
+            "scan": dataclasses.asdict(project.scan.settings),
+            "pose": dataclasses.asdict(project.pose),
+            "texture": dataclasses.asdict(project.texture),
+        },
+        "scan": {
+            "faces": len(scan.faces),
+            "vertices": len(scan.vertices),
+            "offset": scan.offset.tolist(),
+            "report": list(scan.report),
+        },
+        "photos": [_photo(e, p, scan, textured) for e, p in zip(project.photos, poses, strict=True)],
+        "texture": {"faces": len(textured.faces), "coverage": textured.coverage},
+        "seconds": {name: round(value, 3) for name, value in seconds.items()},
+    }
+
+
+def write_provenance(path: Path, content: Mapping[str, Any]) -> None:
+    """Write provenance as JSON; raises OutputError."""
+    with replacing(path) as file:
+        file.write(json.dumps(content, indent=1, ensure_ascii=False).encode() + b"\n")
+
+
+def world_translation(rotation: FloatArray, translation: FloatArray, offset: FloatArray) -> FloatArray:
+    """Translation of a pose for world coordinates, from that for local ones (world = local + offset)."""
+    moved: FloatArray = translation - rotation @ offset
+    return moved
+
+
+def local_translation(rotation: FloatArray, translation: FloatArray, offset: FloatArray) -> FloatArray:
+    """Translation of a pose for local coordinates, from that for world ones: undoes `world_translation`."""
+    moved: FloatArray = translation + rotation @ offset
+    return moved
+
+
+def _photo(entry: PhotoEntry, result: PhotoPose, scan: Scan, textured: TexturedScan) -> dict[str, Any]:
+    out: dict[str, Any] = {
+        "name": entry.photo.name,
+        "use": entry.use,
+        "camera": camera_to_dict(entry.photo.camera),
+        "notes": [*entry.photo.notes, *result.notes],
+        "regions": list(result.regions),
+        "solved": result.solved,
+        "failure": result.failure,
+        "faces": _face_count(entry, textured),
+    }
+    if result.pose is not None:
+        pose = result.pose
+        out["pose"] = {
+            "given": result.given,
+            "rotation": pose.rotation.tolist(),
+            "translation": world_translation(pose.rotation, pose.translation, scan.offset).tolist(),
+            "centre": (pose.centre + scan.offset).tolist(),
+            "overlap_error": result.overlap_error,
+            "rotation_sigma": None if result.given else pose.rotation_sigma,
+            "centre_sigma": None if result.given else pose.centre_sigma,
+        }
+    return out
+
+
+def _face_count(entry: PhotoEntry, textured: TexturedScan) -> int:
+    numbers = [number for number, view in enumerate(textured.views) if view.name == entry.photo.name]
+    return int(np.isin(textured.selection.view, numbers).sum())
+
+
+def _relative(path: Path, project: Project) -> str:
+    folder = project.path.parent
+    return (path.relative_to(folder) if path.is_relative_to(folder) else path).as_posix()

@@ -1,0 +1,219 @@
+"""A whole project from its file to a textured scan: the stages one after the other."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ..arrays import IntArray
+from ..errors import FrescoError, PoseNotFound, ProjectError
+from ..files import replacing
+from ..jobs import Job, Progress, drain, part
+from ..photos.image import check_complete
+from ..photos.photo import Photo
+from ..photos.view import View
+from ..pose.pose import Pose
+from ..regions.surface_region import SurfaceRegion
+from ..scans.read import read_scan_job
+from ..scans.scan import Scan
+from ..settings import ScanSettings
+from ..texture import write_obj_job
+from .digest import file_digest
+from .entries import PhotoEntry, Project
+from .poses import PhotoPose, solve_poses_job
+from .provenance import local_translation, provenance, write_provenance
+from .store import Store
+from .surfaces import check_partners, region_faces, surface_regions
+from .textures import TexturedScan, texture_scan_job
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True, eq=False)
+class ProjectResult:
+    """What a run has found. All coordinates are local to the scan: world = local + `scan.offset`.
+
+    `poses` has one result per photo of `project.photos`; `region_faces` the scan's faces of every region;
+    `provenance` is what the JSON file beside the output says; `seconds` the time of every stage.
+    """
+
+    project: Project
+    scan: Scan
+    region_faces: dict[str, IntArray]
+    surfaces: dict[str, SurfaceRegion]
+    poses: list[PhotoPose]
+    textured: TexturedScan
+    provenance: dict[str, Any]
+    seconds: dict[str, float]
+
+    @property
+    def photos(self) -> list[Photo]:
+        """Photos of the project, in the order of `poses`."""
+        return [entry.photo for entry in self.project.photos]
+
+
+def run_project(project: Project) -> ProjectResult:
+    """Run `run_project_job` to its end."""
+    return drain(run_project_job(project))
+
+
+def run_project_job(project: Project) -> Job[ProjectResult]:
+    """Solve the poses of a project and texture its scan.
+
+    Writes the OBJ (if wanted) and the provenance into the output folder; what else is wanted is made from
+    the result. All input is checked before the output folder is touched; finished work is kept in its folder
+    `cache` and taken over by the next run when its inputs are unchanged. Raises the FrescoError that says
+    what is wrong.
+    """
+    clock: dict[str, float] = {}
+    digests = yield from part(_timed(check_inputs_job(project), clock, "check"), 0.0, 0.05)
+    scan, occluders = yield from part(_timed(_read_scans_job(project), clock, "scan"), 0.05, 0.15)
+    faces = region_faces(project, scan)
+    check_partners(project.path, project.photos, faces)
+    surfaces = surface_regions(scan, faces)
+    _check_writable(project)
+    store = Store(project.output.folder / "cache")
+    poses = yield from part(_timed(_pose_job(project, scan, surfaces, store), clock, "poses"), 0.15, 0.45)
+    views = _views(project, poses)
+    texture_job = texture_scan_job(scan, views, project.texture, occluders, store)
+    textured = yield from part(_timed(texture_job, clock, "texture"), 0.45, 0.9)
+    if project.output.obj:
+        yield from part(_timed(_obj_job(project, scan, textured), clock, "obj"), 0.9, 1.0)
+    record = provenance(project, digests, scan, poses, textured, clock)
+    write_provenance(output_path(project, "_provenance.json"), record)
+    return ProjectResult(project, scan, faces, surfaces, poses, textured, record, clock)
+
+
+def output_path(project: Project, ending: str) -> Path:
+    """Path of an output file, such as `output_path(project, ".glb")`."""
+    return project.output.folder / (project.output.name + ending)
+
+
+def _timed(job: Job[Result], clock: dict[str, float], stage: str) -> Job[Result]:
+    """Run a job and note its seconds, without the time its caller takes between the steps."""
+    spent, start = 0.0, time.perf_counter()
+    try:
+        while True:
+            try:
+                progress = next(job)
+            except StopIteration as stop:
+                clock[stage] = spent + time.perf_counter() - start
+                result: Result = stop.value
+                return result
+            spent += time.perf_counter() - start
+            yield progress
+            start = time.perf_counter()
+    finally:
+        job.close()
+
+
+def check_inputs_job(project: Project) -> Job[dict[Path, str]]:
+    """Read every input file once: photos have to be complete, masks to fit and not to be empty.
+
+    Returns the fingerprint of every file. Raises ProjectError.
+    """
+    digests: dict[Path, str] = {}
+    others = [project.path, project.scan.path, *project.scan.occluders]
+    for path in [*others, *(source.path for source in project.regions.labels)]:
+        yield Progress(0.0, f"Checking {path.name}")
+        digests[path] = _told(project, "scan", file_digest, path)
+    for number, entry in enumerate(project.photos):
+        yield Progress(number / len(project.photos), f"Checking {entry.photo.name}")
+        data = _told(project, "photo.path", entry.photo.path.read_bytes)
+        _told(project, "photo.path", check_complete, entry.photo.path, data)
+        digests[entry.photo.path] = file_digest(entry.photo.path, data)
+        for path in _check_masks(project, entry):
+            digests[path] = file_digest(path)
+    return digests
+
+
+def _check_masks(project: Project, entry: PhotoEntry) -> list[Path]:
+    """Decode the masks of a photo; return their files."""
+    camera = entry.photo.camera
+    for mark in entry.photo.regions:
+        _told(project, "photo.regions", mark.read_mask, camera.width, camera.height)
+    _told(project, "photo.mask", entry.photo.read_mask)
+    paths = [mark.path for mark in entry.photo.regions if mark.path is not None]
+    return paths if entry.photo.mask is None else [*paths, entry.photo.mask]
+
+
+def _told(project: Project, key: str, read: Callable[..., Result], *arguments: Any) -> Result:
+    """Return what `read` returns; what it complains about is told with the project file and key."""
+    try:
+        return read(*arguments)
+    except (FrescoError, OSError) as error:
+        raise ProjectError(project.path, key, str(error)) from error
+
+
+def _read_scans_job(project: Project) -> Job[tuple[Scan, list[Scan]]]:
+    """Read the scan and its occluders, which get the same offset."""
+    files = [project.scan.path, *project.scan.occluders]
+    scan: Scan = yield from part(read_scan_job(files[0], project.scan.settings), 0.0, 1 / len(files))
+    settings = ScanSettings(**{**vars(project.scan.settings), "offset": tuple(scan.offset.tolist())})
+    occluders = []
+    for number, path in enumerate(files[1:], 1):
+        job = read_scan_job(path, settings)
+        occluders.append((yield from part(job, number / len(files), (number + 1) / len(files))))
+    return scan, occluders
+
+
+def _check_writable(project: Project) -> None:
+    """Find out before the long computation whether its result can be kept."""
+    probe = project.output.folder / ".writable"
+    with replacing(probe) as file:
+        file.write(b"\n")
+    probe.unlink()
+
+
+def _pose_job(
+    project: Project, scan: Scan, surfaces: dict[str, SurfaceRegion], store: Store
+) -> Job[list[PhotoPose]]:
+    """Pose of every photo, given or solved. Raises PoseNotFound when no photo has one."""
+    unknown = [entry.photo for entry in project.photos if entry.pose is None]
+    solved: list[PhotoPose] = yield from solve_poses_job(unknown, surfaces, project.pose, project.up, store)
+    by_name = {result.photo: result for result in solved}
+    poses = [by_name.get(entry.photo.name) or _given(entry, scan) for entry in project.photos]
+    if not any(pose.solved for pose in poses):
+        reasons = "\n".join(f"{pose.photo}: {pose.failure}" for pose in poses[:5])
+        raise PoseNotFound(f"None of the {len(poses)} photos found its place.\n{reasons}")
+    return poses
+
+
+def _given(entry: PhotoEntry, scan: Scan) -> PhotoPose:
+    """Return the pose that the project file gives, in local coordinates; its uncertainty is not known."""
+    assert entry.pose is not None
+    rotation, translation = entry.pose
+    local = local_translation(rotation, translation, scan.offset)
+    return PhotoPose(entry.photo.name, Pose(rotation, local, np.full((6, 6), np.nan)), given=True)
+
+
+def _views(project: Project, poses: list[PhotoPose]) -> list[View]:
+    """Posed photos for texturing."""
+    views = []
+    for entry, result in zip(project.photos, poses, strict=True):
+        if entry.use == "texture" and result.solved and result.pose is not None:
+            pose, photo = result.pose, entry.photo
+            covariance = None if result.given else pose.covariance
+            views.append(
+                View(
+                    photo.camera, pose.rotation, pose.translation, photo.path, photo.name,
+                    photo.read_mask(), covariance,
+                )
+            )  # fmt: skip
+    return views
+
+
+def _obj_job(project: Project, scan: Scan, textured: TexturedScan) -> Job[Path]:
+    return write_obj_job(
+        output_path(project, ".obj"),
+        textured.vertices,
+        textured.faces,
+        textured.selection,
+        textured.views,
+        scan.offset,
+    )
