@@ -5,11 +5,32 @@ from __future__ import annotations
 import bpy
 
 from . import jobs, preferences, properties, settings
-from .operators import scan as scan_operators
-from .panels import base as panel_base
+from .operators import photos, pose, project, regions, scan, texture
+from .panels import base as base_panel
+from .panels import photos as photos_panel
+from .panels import pose as pose_panel
+from .panels import regions as regions_panel
 from .panels import scan as scan_panel
+from .panels import texture as texture_panel
 
-_MODULES = (jobs, preferences, settings, properties, scan_operators, panel_base, scan_panel)
+_MODULES = (
+    jobs,
+    preferences,
+    settings,
+    properties,
+    scan,
+    photos,
+    regions,
+    pose,
+    texture,
+    project,
+    base_panel,
+    scan_panel,
+    photos_panel,
+    regions_panel,
+    pose_panel,
+    texture_panel,
+)
 _CLASSES = tuple(cls for module in _MODULES for cls in module.CLASSES)
 
 

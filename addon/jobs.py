@@ -100,6 +100,12 @@ class StepOperator(bpy.types.Operator):
     def clear_error(self, context: bpy.types.Context) -> None:
         state(context).error = ""
 
+    def warn(self, context: bpy.types.Context, sentence: str) -> None:
+        """Tell the user of something that did not stop the step."""
+        state(context).error = sentence
+        state(context).error_step = self.step
+        self.report({"WARNING"}, sentence)
+
     def fail(self, context: bpy.types.Context, error: Exception) -> set[str]:
         """Tell the user; a defect of the program is raised on."""
         sentence = error_sentence(error)
@@ -130,6 +136,12 @@ class JobOperator(StepOperator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         self._interactive = True
         return self.execute(context)
+
+    def choose_file(self, context: bpy.types.Context) -> set[str]:
+        """Open the file browser, which then runs the step."""
+        self._interactive = True
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
 
     def run(self, context: bpy.types.Context) -> set[str] | None:
         job = self.start(context)

@@ -6,13 +6,15 @@ import bpy
 
 PACKAGE = __package__.rpartition(".")[0]  # "bl_ext.user_default.fresco", or "fresco" as a plain package
 
+PREVIEW_SIZE = 2048
+
 
 class FrescoPreferences(bpy.types.AddonPreferences):
     bl_idname = PACKAGE
 
     preview_size: bpy.props.IntProperty(
         name="Background size",
-        default=2048,
+        default=PREVIEW_SIZE,
         min=512,
         max=16384,
         subtype="PIXEL",
@@ -25,10 +27,10 @@ class FrescoPreferences(bpy.types.AddonPreferences):
         layout.prop(self, "preview_size")
 
 
-def preferences(context: bpy.types.Context) -> FrescoPreferences | None:
-    """Return the add-on's preferences; none where it runs as a plain package, which keeps no preferences."""
+def preview_size(context: bpy.types.Context) -> int:
+    """Longer side of a photo's background in pixels; a plain package only has the default."""
     addon = context.preferences.addons.get(PACKAGE)
-    return addon.preferences if addon is not None else None
+    return addon.preferences.preview_size if addon is not None else PREVIEW_SIZE
 
 
 CLASSES = (FrescoPreferences,)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import bpy
 
-from .settings import FrescoPoseSettings, FrescoTextureSettings
+from .settings import FrescoPoseSettings, FrescoScanSettings, FrescoTextureSettings
 
 PHOTO_STATES = (
     ("UNSOLVED", "Not solved", "The camera's pose is not known yet", "RADIOBUT_OFF", 0),
@@ -21,7 +24,7 @@ def _is_mesh(_self: object, candidate: bpy.types.Object) -> bool:
 
 
 def _photo_chosen(self: FrescoScene, context: bpy.types.Context) -> None:
-    from .operators.photos import frame_photo
+    from .bridge.photos import frame_photo
 
     photo = self.active_photo
     if photo is not None and photo.camera is not None:
@@ -53,10 +56,16 @@ class FrescoPhoto(bpy.types.PropertyGroup):
     camera_source: bpy.props.StringProperty(
         name="Calibration", description="Where the camera's calibration comes from"
     )
+    mask: bpy.props.PointerProperty(
+        type=bpy.types.Image, name="Usable part", description="Mask: bright where the photo may be used"
+    )
     pose_json: bpy.props.StringProperty(description="Pose in double precision with its covariance")
     marks: bpy.props.CollectionProperty(type=FrescoMark)
-    use: bpy.props.BoolProperty(
-        name="Use", default=True, description="Solve this photo and use it for the texture"
+    use: bpy.props.BoolProperty(name="Use", default=True, description="Use this photo at all")
+    use_texture: bpy.props.BoolProperty(
+        name="Use for Texture",
+        default=True,
+        description="Use this photo for the texture, not only solve its pose",
     )
     state: bpy.props.EnumProperty(name="State", items=PHOTO_STATES, default="UNSOLVED")
     overlap: bpy.props.FloatProperty(
@@ -83,6 +92,12 @@ class FrescoPhoto(bpy.types.PropertyGroup):
     def path(self) -> str:
         """Absolute path of the original file."""
         return bpy.path.abspath(self.image.filepath) if self.image is not None else ""
+
+    @property
+    def lens_text(self) -> str:
+        """Size and focal length in words: 6000 × 4000 px, 24 mm (35 mm equivalent)."""
+        camera = json.loads(self.camera_json)
+        return f"{camera['width']} × {camera['height']} px, {self.camera.data.lens:.1f} mm (full frame)"
 
     @property
     def is_posed(self) -> bool:
@@ -137,6 +152,14 @@ class FrescoExportSettings(bpy.types.PropertyGroup):
         name="Copy of this file (.blend)", default=False, description="A copy of the .blend beside the rest"
     )
 
+    @staticmethod
+    def default_name(scene: bpy.types.Scene) -> str:
+        """File name without ending where the user gave none: the scan file's."""
+        fresco = scene.fresco
+        if fresco.scan_path:
+            return Path(fresco.scan_path).stem
+        return bpy.path.clean_name(fresco.scan.name) if fresco.scan is not None else "scan"
+
 
 class FrescoScene(bpy.types.PropertyGroup):
     """Everything of one scene."""
@@ -152,6 +175,7 @@ class FrescoScene(bpy.types.PropertyGroup):
     region_index: bpy.props.IntProperty(name="Region")
     next_region: bpy.props.IntProperty(default=1)
     texture_report: bpy.props.StringProperty(description="Numbers of the texture, one line each")
+    scan_settings: bpy.props.PointerProperty(type=FrescoScanSettings)
     pose: bpy.props.PointerProperty(type=FrescoPoseSettings)
     texture: bpy.props.PointerProperty(type=FrescoTextureSettings)
     export: bpy.props.PointerProperty(type=FrescoExportSettings)

@@ -10,6 +10,7 @@ import ast
 import dataclasses
 import inspect
 import itertools
+import typing
 from typing import Any, TypeVar
 
 import bpy
@@ -19,6 +20,8 @@ from ..core import settings as core_settings
 from ..core.settings import PoseSettings, ScanSettings, TextureSettings
 
 Settings = TypeVar("Settings")
+NONE = -1
+"""Blender's number for None in settings that may have none."""
 
 
 def field_texts(dataclass: type) -> dict[str, str]:
@@ -45,13 +48,22 @@ def _number(default: float, text: str, common: dict[str, Any]) -> Any:
     return bpy.props.FloatProperty(default=default, precision=3, **common)
 
 
-def _property(field: dataclasses.Field[Any], text: str) -> Any:
+def _property(field: dataclasses.Field[Any], kind: Any, text: str) -> Any:
     """Blender property for a field of a settings dataclass, or None for a kind that has no widget."""
     default = field.default
+    if type(None) in typing.get_args(kind):
+        kind = next(part for part in typing.get_args(kind) if part is not type(None))
+        default, text = (
+            NONE if kind is int and default is None else default,
+            f"{text.rstrip('.')}; {NONE} is none",
+        )
     common = {
         "name": field.name.replace("_", " ").capitalize(),
         "description": " ".join(text.split()).rstrip("."),
     }
+    if typing.get_origin(kind) is typing.Literal:
+        items = [(word, word.replace("_", " ").capitalize(), "") for word in typing.get_args(kind)]
+        return bpy.props.EnumProperty(items=items, default=default, **common)
     if isinstance(default, bool):
         return bpy.props.BoolProperty(default=default, **common)
     if isinstance(default, int):
@@ -66,7 +78,9 @@ def _property(field: dataclasses.Field[Any], text: str) -> Any:
 def mirror(dataclass: type) -> type[bpy.types.PropertyGroup]:
     """Make the property group of a settings dataclass."""
     texts = field_texts(dataclass)
-    properties = {f.name: _property(f, texts.get(f.name, "")) for f in dataclasses.fields(dataclass)}
+    kinds = typing.get_type_hints(dataclass)
+    fields = dataclasses.fields(dataclass)
+    properties = {f.name: _property(f, kinds[f.name], texts.get(f.name, "")) for f in fields}
     annotations = {name: value for name, value in properties.items() if value is not None}
     namespace = {"__annotations__": annotations, "__doc__": dataclass.__doc__, "__module__": __name__}
     return type(f"Fresco{dataclass.__name__}", (bpy.types.PropertyGroup,), namespace)
@@ -77,22 +91,35 @@ FrescoPoseSettings = mirror(PoseSettings)
 FrescoTextureSettings = mirror(TextureSettings)
 
 
-def _as_typed(value: Any) -> Any:
+def _as_typed(value: Any, kind: Any) -> Any:
     """Undo Blender's single precision: 0.1 is kept as 0.100000001; its shortest text gives 0.1 again."""
+    if value == NONE and type(None) in typing.get_args(kind):
+        return None
     return float(str(np.float32(value))) if isinstance(value, float) else value
 
 
 def to_core(group: bpy.types.PropertyGroup, dataclass: type[Settings]) -> Settings:
     """Core's settings with the values of a property group."""
     names = [f.name for f in dataclasses.fields(dataclass) if f.name in group.__annotations__]
-    return dataclass(**{name: _as_typed(getattr(group, name)) for name in names})
+    kinds = typing.get_type_hints(dataclass)
+    return dataclass(**{name: _as_typed(getattr(group, name), kinds[name]) for name in names})
 
 
 def from_core(group: bpy.types.PropertyGroup, values: Any) -> None:
     """Give a property group the values of core's settings."""
     for field in dataclasses.fields(values):
         if field.name in group.__annotations__:
-            setattr(group, field.name, getattr(values, field.name))
+            value = getattr(values, field.name)
+            setattr(group, field.name, NONE if value is None else value)
+
+
+def draw_settings(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup) -> None:
+    """Draw all settings of a group."""
+    layout.use_property_split = True
+    layout.use_property_decorate = False
+    column = layout.column()
+    for name in group.__annotations__:
+        column.prop(group, name)
 
 
 CLASSES = (FrescoScanSettings, FrescoPoseSettings, FrescoTextureSettings)

@@ -16,7 +16,7 @@ from mathutils import Matrix
 
 from ...core.arrays import FloatArray
 from ...core.cameras import Camera
-from .world import matrix_to_array, read_offset
+from .world import matrix_to_array
 
 SENSOR_WIDTH = 36.0  # mm; lens values then read as 35 mm equivalents
 _FLIP = np.diag([1.0, -1.0, -1.0])  # core's camera axes <-> Blender's
@@ -75,23 +75,25 @@ def apply_frame(scene: bpy.types.Scene, frame: Frame) -> None:
     render.pixel_aspect_x, render.pixel_aspect_y = frame.pixel_aspect_x, frame.pixel_aspect_y
 
 
-def write_pose(
-    scene: bpy.types.Scene, camera: bpy.types.Object, rotation: FloatArray, translation: FloatArray
-) -> None:
-    """Put a camera object at a pose, world -> camera: (3,3), (3,) metres in true world coordinates."""
+def pose_matrix(rotation: FloatArray, translation: FloatArray) -> FloatArray:
+    """Return the world matrix (4,4) of a camera object at a pose in Blender's world: (3,3), (3,) metres."""
     matrix = np.eye(4)
     matrix[:3, :3] = rotation.T @ _FLIP
-    matrix[:3, 3] = -rotation.T @ translation - read_offset(scene)
-    camera.matrix_world = Matrix(matrix.tolist())
+    matrix[:3, 3] = -rotation.T @ translation
+    return matrix
 
 
-def read_pose(scene: bpy.types.Scene, camera: bpy.types.Object) -> tuple[FloatArray, FloatArray]:
-    """Pose of a camera object, world -> camera: (3,3), (3,) metres in true world coordinates."""
+def write_pose(camera: bpy.types.Object, rotation: FloatArray, translation: FloatArray) -> None:
+    """Put a camera object at a pose, world -> camera, in Blender's world: (3,3), (3,) metres."""
+    camera.matrix_world = Matrix(pose_matrix(rotation, translation).tolist())
+
+
+def read_pose(camera: bpy.types.Object) -> tuple[FloatArray, FloatArray]:
+    """Pose of a camera object, world -> camera, in Blender's world: (3,3), (3,) metres."""
     matrix = matrix_to_array(camera.matrix_world)
     u, _, vt = np.linalg.svd(matrix[:3, :3])  # a scaled object is no scaled camera
     rotation = _FLIP @ (u @ vt).T
-    centre = matrix[:3, 3] + read_offset(scene)
-    return rotation, -rotation @ centre
+    return rotation, -rotation @ matrix[:3, 3]
 
 
 def show_background(data: bpy.types.Camera, image: bpy.types.Image) -> None:

@@ -14,7 +14,7 @@ from ...core.arrays import FloatArray
 UV_MAP = "Fresco"
 UNSEEN_NAME = "Fresco unseen"
 UNSEEN_COLOR = (0.36, 0.36, 0.36, 1.0)
-GAIN_ATTRIBUTE = "fresco_gain"
+GAIN_NODE = "Fresco gain"
 
 
 def uvs_from_pixels(pixels: FloatArray, width: int, height: int) -> FloatArray:
@@ -52,14 +52,32 @@ def photo_material(
     texture = nodes.new("ShaderNodeTexImage")
     texture.image = image
     texture.extension = "EXTEND"  # no wrapping at the frame's edge
-    texture.location = (-300, 0)
+    texture.location = (-500, 0)
     uv_map = nodes.new("ShaderNodeUVMap")
     uv_map.uv_map = UV_MAP
-    uv_map.location = (-520, -160)
+    uv_map.location = (-720, -160)
+    gain = nodes.new("ShaderNodeMix")
+    gain.name = gain.label = GAIN_NODE
+    gain.data_type, gain.blend_type, gain.location = "RGBA", "MULTIPLY", (-120, 0)
+    gain.inputs["Factor"].default_value = 1.0
+    _color_input(gain, "B").default_value = (1.0, 1.0, 1.0, 1.0)
     links.new(uv_map.outputs["UV"], texture.inputs["Vector"])
-    links.new(texture.outputs["Color"], output.inputs["Surface"])
+    links.new(texture.outputs["Color"], _color_input(gain, "A"))
+    links.new(next(o for o in gain.outputs if o.type == "RGBA"), output.inputs["Surface"])
     nodes.active = texture  # what the viewport's texture mode shows
     return material
+
+
+def _color_input(mix: bpy.types.Node, name: str) -> bpy.types.NodeSocket:
+    """Colour socket of a Mix node, which has sockets of the same name for every type."""
+    return next(socket for socket in mix.inputs if socket.name == name and socket.type == "RGBA")
+
+
+def write_gain(material: bpy.types.Material, gain: FloatArray) -> None:
+    """Set the linear factors (3,) that make a photo agree with the others."""
+    node = material.node_tree.nodes.get(GAIN_NODE)
+    if node is not None:
+        _color_input(node, "B").default_value = (*(float(factor) for factor in gain), 1.0)
 
 
 def unseen_material() -> bpy.types.Material:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core.arrays import AnyArray, ArrayLike, BoolArray, FloatArray, IntArray
 from ...core.errors import ScanError
-from .world import matrix_to_array, read_offset
+from .world import matrix_to_array
 
 _ATTRIBUTE_TYPES = {
     np.dtype(np.bool_): "BOOLEAN",
@@ -39,6 +39,8 @@ def fill_mesh(mesh: bpy.types.Mesh, vertices: ArrayLike, faces: IntArray) -> Non
     mesh.polygons.foreach_set("loop_start", starts)
     mesh.attributes[".corner_vert"].data.foreach_set("value", corners.ravel())
     mesh.update(calc_edges=True)
+    for name in (".select_vert", ".select_edge", ".select_poly"):  # new geometry comes selected
+        remove_attribute(mesh, name)
 
 
 def is_triangulated(mesh: bpy.types.Mesh) -> bool:
@@ -67,18 +69,16 @@ def read_positions(mesh: bpy.types.Mesh) -> AnyArray:
     return positions.reshape(-1, 3)
 
 
-def read_world_vertices(scene: bpy.types.Scene, scan: bpy.types.Object) -> FloatArray:
-    """Vertices (V,3) of an object in true world coordinates, metres, in double precision."""
-    matrix = matrix_to_array(scan.matrix_world)
-    local = read_positions(scan.data).astype(np.float64)
-    return local @ matrix[:3, :3].T + matrix[:3, 3] + read_offset(scene)
+def read_vertices(obj: bpy.types.Object) -> FloatArray:
+    """Vertices (V,3) of an object in Blender's world, metres, in double precision."""
+    matrix = matrix_to_array(obj.matrix_world)
+    return read_positions(obj.data).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def to_object_frame(scene: bpy.types.Scene, scan: bpy.types.Object, vertices: FloatArray) -> FloatArray:
-    """World vertices (V,3) in metres -> the object's own frame: the inverse of `read_world_vertices`."""
-    matrix = matrix_to_array(scan.matrix_world)
-    relative = vertices - read_offset(scene) - matrix[:3, 3]
-    return relative @ np.linalg.inv(matrix[:3, :3]).T
+def to_object_frame(obj: bpy.types.Object, vertices: FloatArray) -> FloatArray:
+    """Vertices (V,3) of Blender's world, metres -> the object's own frame: the inverse of `read_vertices`."""
+    matrix = matrix_to_array(obj.matrix_world)
+    return (vertices - matrix[:3, 3]) @ np.linalg.inv(matrix[:3, :3]).T
 
 
 def write_face_attribute(mesh: bpy.types.Mesh, name: str, values: AnyArray) -> None:

@@ -7,17 +7,18 @@ shown itself. The original file is never touched.
 
 from __future__ import annotations
 
-import bpy
+from pathlib import Path
+
 import cv2
 import numpy as np
 
 from ...core.arrays import ByteArray, FloatArray
 from ...core.cameras import Camera
 from ...core.jobs import Job, Progress
+from ...core.photos import read_image
 from .cameras import pinhole_matrix
 
 LARGEST_BEND = 0.5  # px; below it the photo counts as undistorted
-JPEG_QUALITY = 88
 _ROWS = 64  # rows of the map made in one step
 
 
@@ -29,20 +30,25 @@ def is_straight(camera: Camera) -> bool:
     return bool(np.all(np.abs(seen - pixels) < LARGEST_BEND))
 
 
-def undistorted_job(image: ByteArray, camera: Camera, size: int) -> Job[ByteArray]:
-    """Resample a photo (H,W,3) to its pinhole camera, the longer side at most `size` pixels."""
+def preview_job(path: Path, camera: Camera, size: int) -> Job[ByteArray | None]:
+    """Read a photo as its pinhole camera would show it, the longer side about `size` pixels.
+
+    None for a photo that needs no copy. Raises PhotoError when the file cannot be read.
+    """
+    if is_straight(camera):
+        return None
     factor = min(1.0, size / max(camera.width, camera.height))
-    small = camera.scaled(factor) if factor < 1 else camera
-    source = cv2.resize(image, (small.width, small.height), interpolation=cv2.INTER_AREA)
-    yield Progress(0.1, "Undistorting")
+    yield Progress(0.0, f"Reading {path.name}")
+    image = read_image(path, factor)
+    small = camera.scaled(factor)
     where = np.empty((small.height, small.width, 2), dtype=np.float32)
     for row in range(0, small.height, _ROWS):
+        yield Progress(0.4 + 0.6 * row / small.height, f"Undistorting {path.name}")
         v, u = np.mgrid[row : min(row + _ROWS, small.height), 0 : small.width]
         pixels = np.stack([u.ravel(), v.ravel()], axis=1).astype(np.float64)
         seen = small.project(_pinhole_rays(small, pixels))
         where[row : row + _ROWS] = np.nan_to_num(seen, nan=-1e4).reshape(*u.shape, 2)
-        yield Progress(0.1 + 0.8 * row / small.height, "Undistorting")
-    return cv2.remap(source, where[..., 0], where[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+    return cv2.remap(image, where[..., 0], where[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
 
 
 def _pinhole_rays(camera: Camera, pixels: FloatArray) -> FloatArray:
@@ -50,13 +56,3 @@ def _pinhole_rays(camera: Camera, pixels: FloatArray) -> FloatArray:
     K = pinhole_matrix(camera)
     plane = (pixels - K[:2, 2]) / np.diag(K)[:2]
     return np.column_stack([plane, np.ones(len(plane))])
-
-
-def pack_preview(name: str, image: ByteArray) -> bpy.types.Image:
-    """Make a Blender image of RGB pixels (H,W,3), as a JPEG packed into the .blend."""
-    _, encoded = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    data = encoded.tobytes()
-    block = bpy.data.images.new(name, image.shape[1], image.shape[0])
-    block.pack(data=data, data_len=len(data))
-    block.source = "FILE"
-    return block

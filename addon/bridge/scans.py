@@ -2,42 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from ...core.arrays import FloatArray
+from ...core.arrays import IntArray
 from ...core.errors import ScanError
 from ...core.scans import Scan
-from . import meshes
-from .world import matrix_to_array, read_offset, write_offset
+from . import meshes, regions
+from .world import collection, read_offset, write_offset
 
-COLLECTION = "Fresco"
-
-
-def collection(context: bpy.types.Context, name: str = COLLECTION) -> bpy.types.Collection:
-    """Return the scene's collection of that name, made where it is missing."""
-    found = context.scene.collection.children.get(name)
-    if found is None:
-        found = bpy.data.collections.new(name)
-        context.scene.collection.children.link(found)
-    return found
+COLLECTION = "Scan"
 
 
-def show_scan(context: bpy.types.Context, scan: Scan) -> bpy.types.Object:
-    """Make the scene's scan object from core's scan, its face sets becoming regions."""
+def show_scan(
+    context: bpy.types.Context, scan: Scan, region_faces: Mapping[str, IntArray] | None = None
+) -> bpy.types.Object:
+    """Make the scene's scan object from core's scan; its face sets (or `region_faces`) become regions."""
     if scan.is_cloud:
         raise ScanError(f"{scan.name}: the file holds points only. Mesh it first, or import the mesh.")
     fresco = context.scene.fresco
     obj = bpy.data.objects.new(
         scan.name or "Scan", meshes.build_mesh(scan.name or "Scan", scan.vertices, scan.faces)
     )
-    collection(context).objects.link(obj)
+    collection(context.scene, COLLECTION).objects.link(obj)
     write_offset(context.scene, scan.offset)
     fresco.scan = obj
     fresco.scan_path = str(scan.path or "")
     fresco.scan_report = "\n".join(scan.report)
+    fresco.texture_report = ""
+    regions.write_face_sets(context.scene, scan.face_sets if region_faces is None else region_faces)
     context.view_layer.objects.active = obj
     return obj
 
@@ -47,7 +43,7 @@ def read_scan(scene: bpy.types.Scene) -> Scan:
     obj = scene.fresco.scan
     faces = meshes.read_faces(obj.data)
     return Scan(
-        vertices=local_vertices(obj),
+        vertices=meshes.read_vertices(obj),
         faces=faces,
         offset=read_offset(scene),
         file_faces=np.arange(len(faces), dtype=np.int32),
@@ -58,14 +54,7 @@ def read_scan(scene: bpy.types.Scene) -> Scan:
     )
 
 
-def local_vertices(obj: bpy.types.Object) -> FloatArray:
-    """Vertices (V,3) of an object in Blender's world, metres, doubles."""
-    matrix = matrix_to_array(obj.matrix_world)
-    vertices = meshes.read_positions(obj.data).astype(np.float64)
-    return vertices @ matrix[:3, :3].T + matrix[:3, 3]
-
-
-def read_face_sets(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
+def read_face_sets(scene: bpy.types.Scene) -> dict[str, IntArray]:
     """Return the faces of every region that has some, by the region's name."""
     sets = {}
     for region in scene.fresco.regions:

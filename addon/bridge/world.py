@@ -11,15 +11,6 @@ import numpy as np
 from ...core.arrays import FloatArray
 
 OFFSET_KEY = "fresco_offset"
-LARGEST_COORDINATE = 1000.0  # m; beyond it single precision is coarser than 0.06 mm
-OFFSET_STEP = 100.0  # m; a round number can be read and typed into other programs
-
-
-def choose_offset(vertices: FloatArray) -> FloatArray:
-    """Offset (3,) in metres that brings (V,3) world vertices near the origin; zero on axes that need none."""
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    far = np.maximum(np.abs(low), np.abs(high)) > LARGEST_COORDINATE
-    return np.where(far, np.round((low + high) / 2 / OFFSET_STEP) * OFFSET_STEP, 0.0)
 
 
 def read_offset(scene: bpy.types.Scene) -> FloatArray:
@@ -35,3 +26,17 @@ def write_offset(scene: bpy.types.Scene, offset: FloatArray) -> None:
 def matrix_to_array(matrix: object) -> FloatArray:
     """Blender's 4x4 matrix as a (4,4) array of doubles."""
     return np.array(matrix, dtype=np.float64)
+
+
+def collection(scene: bpy.types.Scene, name: str) -> bpy.types.Collection:
+    """Return a collection inside the scene's collection "Fresco"; both are made where they are missing."""
+    return _child(_child(scene.collection, "Fresco"), name)
+
+
+def _child(parent: bpy.types.Collection, name: str) -> bpy.types.Collection:
+    """Return the child collection of that name; Blender may have added a number to it."""
+    found = next((child for child in parent.children if child.name.split(".")[0] == name), None)
+    if found is None:
+        found = bpy.data.collections.new(name)
+        parent.children.link(found)
+    return found

@@ -6,34 +6,38 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy_extras.io_utils import ImportHelper
 
 from ...core.jobs import Job
-from ...core.scans import read_scan_job
+from ...core.scans import READERS, read_scan_job
+from ...core.settings import ScanSettings
 from ..bridge.scans import show_scan
 from ..jobs import JobOperator
+from ..settings import draw_settings, to_core
 
-ENDINGS = (".ply", ".obj", ".stl", ".glb", ".gltf")
+ENDINGS = tuple(sorted(READERS))
 
 
-class FRESCO_OT_import_scan(JobOperator, ImportHelper):
+class FRESCO_OT_import_scan(JobOperator):
     bl_idname = "fresco.import_scan"
     bl_label = "Import Scan"
     bl_description = "Read a scan and check it; large coordinates keep their offset in double precision"
     bl_options = {"UNDO"}
     step = "scan"
 
+    filepath: bpy.props.StringProperty(name="File", subtype="FILE_PATH", options={"SKIP_SAVE"})
     filter_glob: bpy.props.StringProperty(default=";".join(f"*{e}" for e in ENDINGS), options={"HIDDEN"})
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if self.filepath and Path(self.filepath).is_file():  # dropped into the window
+        if self.filepath:  # dropped into the window
             return super().invoke(context, event)
-        self._interactive = True
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
+        return self.choose_file(context)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        draw_settings(self.layout, context.scene.fresco.scan_settings)
 
     def start(self, context: bpy.types.Context) -> Job[Any]:
-        return read_scan_job(Path(bpy.path.abspath(self.filepath)))
+        settings = to_core(context.scene.fresco.scan_settings, ScanSettings)
+        return read_scan_job(Path(bpy.path.abspath(self.filepath)), settings)
 
     def finish(self, context: bpy.types.Context, result: Any) -> None:
         show_scan(context, result)

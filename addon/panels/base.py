@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..jobs import state
+from ..settings import draw_settings
 
 ICON_DONE, ICON_READY, ICON_WAITING = "CHECKMARK", "RADIOBUT_ON", "RADIOBUT_OFF"
 
@@ -53,13 +54,7 @@ class SettingsPanel(FrescoPanel):
     group = ""
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        settings = getattr(context.scene.fresco, self.group)
-        column = layout.column()
-        for name in settings.__annotations__:
-            column.prop(settings, name)
+        draw_settings(self.layout, getattr(context.scene.fresco, self.group))
 
 
 def wrap(text: str, width: int) -> list[str]:
@@ -87,6 +82,19 @@ def draw_text(layout: bpy.types.UILayout, context: bpy.types.Context, text: str,
     blank = "BLANK1" if icon != "NONE" else "NONE"
     for number, line in enumerate(wrap(text, max(20, int(room / 6.2)))):
         column.label(text=line, icon=icon if number == 0 else blank)
+
+
+def draw_rows(layout: bpy.types.UILayout, rows: list[tuple[str, str]]) -> None:
+    """Draw names on the left and their values on the right."""
+    column = layout.column(align=True)
+    column.scale_y = 0.85
+    for name, value in rows:
+        split = column.split(factor=0.35)
+        left = split.row()
+        left.alignment = "RIGHT"
+        left.active = False
+        left.label(text=name)
+        split.label(text=value)
 
 
 def draw_error(layout: bpy.types.UILayout, context: bpy.types.Context, step: str) -> None:

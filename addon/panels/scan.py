@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..bridge.world import read_offset
-from .base import StepPanel, draw_text
+from .base import StepPanel, draw_rows, draw_text
 
 
 class FRESCO_PT_scan(StepPanel, bpy.types.Panel):
@@ -49,19 +49,6 @@ def draw_numbers(layout: bpy.types.UILayout, context: bpy.types.Context, scan: b
     if offset.any():
         rows.append(("Offset", ", ".join(f"{value:,.0f}" for value in offset) + " m"))
     draw_rows(layout, rows)
-
-
-def draw_rows(layout: bpy.types.UILayout, rows: list[tuple[str, str]]) -> None:
-    """Draw names on the left and their values on the right."""
-    column = layout.column(align=True)
-    column.scale_y = 0.85
-    for name, value in rows:
-        split = column.split(factor=0.35)
-        left = split.row()
-        left.alignment = "RIGHT"
-        left.active = False
-        left.label(text=name)
-        split.label(text=value)
 
 
 CLASSES = (FRESCO_PT_scan,)

@@ -1,0 +1,102 @@
+"""A project in the scene: scan, regions, photos with masks, settings; and what a run has found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import bpy
+
+from ...core.arrays import ByteArray, IntArray
+from ...core.jobs import Job, part
+from ...core.photos import Photo
+from ...core.project.entries import Project
+from ...core.project.run import ProjectResult
+from ...core.scans import Scan
+from ..settings import from_core
+from . import photos, regions, scans
+from .images import load_mask
+from .previews import preview_job
+from .texture import show_texture
+
+Previews = Mapping[str, ByteArray | None]
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedProject:
+    """A project read for the scene, before anything is solved."""
+
+    project: Project
+    scan: Scan
+    region_faces: Mapping[str, IntArray]
+    previews: Previews
+
+
+def previews_job(project: Project, size: int) -> Job[Previews]:
+    """Make the undistorted backgrounds of all photos, by name; None for photos that need none."""
+    previews: dict[str, ByteArray | None] = {}
+    count = len(project.photos)
+    for number, entry in enumerate(project.photos):
+        job = preview_job(entry.photo.path, entry.photo.camera, size)
+        previews[entry.photo.name] = yield from part(job, number / count, (number + 1) / count)
+    return previews
+
+
+def clear_scene(scene: bpy.types.Scene) -> None:
+    """Take photos, regions and the scan out of Fresco's lists, and their cameras out of the scene."""
+    fresco = scene.fresco
+    for photo in fresco.photos:
+        photos.remove_camera(photo)
+    if fresco.scan is not None:
+        mesh = fresco.scan.data
+        bpy.data.objects.remove(fresco.scan)
+        if mesh.users == 0:
+            bpy.data.meshes.remove(mesh)
+    fresco.photos.clear()
+    fresco.regions.clear()
+    fresco.texture_report = fresco.scan_report = fresco.scan_path = ""
+
+
+def show_project(context: bpy.types.Context, opened: OpenedProject) -> None:
+    """Replace what Fresco has in the scene by a project."""
+    project, fresco = opened.project, context.scene.fresco
+    clear_scene(context.scene)
+    scans.show_scan(context, opened.scan, opened.region_faces)
+    for entry in project.photos:
+        item = show_photo(context, entry.photo, opened.previews[entry.photo.name])
+        item.use_texture = entry.use == "texture"
+        if entry.pose is not None:
+            photos.write_world_pose(context.scene, item, *entry.pose)
+            item.state = "GIVEN"
+    from_core(fresco.scan_settings, project.scan.settings)
+    from_core(fresco.pose, project.pose)
+    from_core(fresco.texture, project.texture)
+    output = project.output
+    fresco.export.folder, fresco.export.name = str(output.folder.resolve()), output.name
+    fresco.export.write_glb, fresco.export.write_obj = output.glb, output.obj
+    fresco.export.write_report, fresco.export.write_blend = output.report, output.blend
+    fresco.photo_index = 0
+
+
+def show_photo(context: bpy.types.Context, photo: Photo, preview: ByteArray | None) -> photos.FrescoPhoto:
+    """Add one of a project's photos with its marks; a mark that is a polygon becomes a mask in the .blend."""
+    item = photos.add_photo(context, photo.path.resolve(), photo.name)
+    note = photo.notes[-1] if photo.notes else ""
+    photos.write_camera(context, item, photo.camera, note, preview)
+    item.message = " ".join(photo.notes[:-1])
+    if photo.mask is not None:
+        item.mask = load_mask(photo.mask.resolve())
+    for mark in photo.regions:
+        region = regions.named_region(context.scene, mark.name)
+        regions.write_mark(item, region, mark, (photo.camera.width, photo.camera.height))
+    return item
+
+
+def show_result(context: bpy.types.Context, result: ProjectResult, previews: Previews) -> None:
+    """Show what a run has found: the project, its poses, its texture."""
+    opened = OpenedProject(result.project, result.scan, result.region_faces, previews)
+    show_project(context, opened)
+    items = context.scene.fresco.photos
+    for solved in result.poses:
+        photos.write_solution(context.scene, items[solved.photo], solved)
+    show_texture(context.scene, result.textured, [items[view.name] for view in result.textured.views])

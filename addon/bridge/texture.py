@@ -1,0 +1,103 @@
+"""The texture on Blender's mesh: UVs into the original photos, a material per photo, maps as attributes."""
+
+from __future__ import annotations
+
+import json
+
+import bpy
+import numpy as np
+
+from ...core.arrays import FloatArray, IntArray
+from ...core.project.textures import TexturedScan
+from ...core.texture import Selection
+from ..properties import FrescoPhoto
+from . import materials, meshes
+from .photos import read_camera
+from .regions import count_faces
+
+PHOTOS_KEY = "fresco_photos"
+"""ID property of the mesh: the names of the photos that the maps count, as JSON."""
+MAPS = {
+    "fresco_photo": "view",
+    "fresco_runner_up": "runner_up",
+    "fresco_view_count": "view_count",
+    "fresco_texel_size": "texel_size",
+    "fresco_angle": "angle",
+}
+"""Face attributes and the fields of core's selection that they show."""
+
+
+def show_texture(scene: bpy.types.Scene, textured: TexturedScan, photos: list[FrescoPhoto]) -> None:
+    """Lay a texture on the scene's scan and keep its numbers; `photos` are those that it counts."""
+    write_texture(scene.fresco.scan, textured, photos)
+    count_faces(scene)
+    scene.fresco.texture_report = "\n".join("\t".join(row) for row in texture_rows(textured))
+
+
+def write_texture(scan: bpy.types.Object, textured: TexturedScan, photos: list[FrescoPhoto]) -> None:
+    """Show a texture on the scan: geometry where faces were split, materials, UVs, maps.
+
+    `photos` are those that `textured.selection` counts.
+    """
+    mesh, selection = scan.data, textured.selection
+    if len(textured.faces) != len(mesh.polygons):
+        refine_mesh(scan, textured)
+    slots = write_slots(mesh, selection, photos)
+    meshes.write_material_indices(mesh, slots[selection.view])  # the last slot stands for -1
+    meshes.write_uvs(mesh, materials.UV_MAP, photo_uvs(selection, photos))
+    mesh[PHOTOS_KEY] = json.dumps([photo.name for photo in photos])
+    for attribute, field in MAPS.items():
+        meshes.write_face_attribute(mesh, attribute, getattr(selection, field))
+
+
+def refine_mesh(scan: bpy.types.Object, textured: TexturedScan) -> None:
+    """Replace the scan's mesh by its refined one; every new face inherits its parent's attributes."""
+    mesh = scan.data
+    names = [n for n in meshes.face_attribute_names(mesh) if not n.startswith(".") and n != "material_index"]
+    kept = {name: meshes.read_face_attribute(mesh, name) for name in names}
+    meshes.fill_mesh(mesh, meshes.to_object_frame(scan, textured.vertices), textured.faces)
+    for name, values in kept.items():
+        if values is not None:
+            meshes.write_face_attribute(mesh, name, values[textured.parent])
+
+
+def write_slots(mesh: bpy.types.Mesh, selection: Selection, photos: list[FrescoPhoto]) -> IntArray:
+    """Give the mesh one slot per photo in use and a neutral one; -> slot of every photo, neutral last."""
+    unseen = materials.unseen_material()
+    slots = np.zeros(len(photos) + 1, dtype=np.int32)
+    mesh.materials.clear()
+    mesh.materials.append(unseen)
+    for number in np.unique(selection.view[selection.view >= 0]):
+        photo = photos[number]
+        photo.material = materials.photo_material(photo.name, photo.image, photo.material)
+        materials.write_gain(photo.material, selection.gain[number])
+        slots[number] = len(mesh.materials)
+        mesh.materials.append(photo.material)
+    return slots
+
+
+def photo_uvs(selection: Selection, photos: list[FrescoPhoto]) -> FloatArray:
+    """Blender's UVs (F,3,2) of a selection; 0 where no photo sees the face."""
+    cameras = [read_camera(photo) for photo in photos]  # asking the images for their size would load them
+    sizes = np.array([(camera.width, camera.height) for camera in cameras] + [(1, 1)], dtype=np.float64)
+    size = sizes[selection.view]
+    uvs = materials.uvs_from_pixels(selection.uv, size[:, None, 0], size[:, None, 1])
+    uvs[selection.view < 0] = 0.0
+    return uvs
+
+
+def texture_rows(textured: TexturedScan) -> list[tuple[str, str]]:
+    """Numbers of a texture for the panel: names and values."""
+    selection = textured.selection
+    seen = selection.view >= 0
+    rows = [
+        ("Covered", f"{100 * textured.coverage:.1f} % of the surface"),
+        ("Photos", f"{len(np.unique(selection.view[seen]))} in use"),
+        ("Faces", f"{np.count_nonzero(seen):,} of {len(seen):,}"),
+    ]
+    if seen.any():
+        rows.append(("Texel", f"{1000 * float(np.nanmedian(selection.texel_size)):.2f} mm (median)"))
+    added = len(seen) - len(np.unique(textured.parent))
+    if added:
+        rows.append(("Split", f"{added:,} faces added: large ones cut"))
+    return rows

@@ -1,0 +1,106 @@
+"""Find the cameras' poses from the regions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ...core.errors import RegionError
+from ...core.jobs import Job
+from ...core.project.poses import PhotoPose, solve_poses_job
+from ...core.project.surfaces import surface_regions
+from ...core.settings import PoseSettings
+from ..bridge import photos as bridge
+from ..bridge.scans import read_scan
+from ..jobs import JobOperator, StepOperator
+from ..properties import FrescoPhoto
+from ..settings import to_core
+from .regions import has_scan
+
+
+def solvable_photos(scene: bpy.types.Scene) -> list[FrescoPhoto]:
+    """Photos in use with a camera, a calibration and at least one region that the scan has."""
+    with_faces = {region.uid for region in scene.fresco.regions if region.face_count > 0}
+    return [
+        photo
+        for photo in scene.fresco.photos
+        if photo.use
+        and photo.camera is not None
+        and photo.camera_json
+        and any(mark.region_id in with_faces for mark in photo.marks)
+    ]
+
+
+class FRESCO_OT_solve_poses(JobOperator):
+    bl_idname = "fresco.solve_poses"
+    bl_label = "Solve Poses"
+    bl_description = "Find where each camera stood, from the regions that photo and scan both show"
+    bl_options = {"UNDO"}
+    step = "pose"
+
+    only_active: bpy.props.BoolProperty(
+        name="Only the Chosen Photo", description="Solve the photo chosen in the list", options={"SKIP_SAVE"}
+    )
+
+    @classmethod
+    def description(cls, context: bpy.types.Context, properties: Any) -> str:
+        return "Solve only the photo chosen in the list" if properties.only_active else cls.bl_description
+
+    @classmethod
+    def ready(cls, context: bpy.types.Context) -> bool:
+        if not has_scan(cls, context):
+            return False
+        if context.mode != "OBJECT":
+            cls.poll_message_set("Leave Edit Mode first")
+            return False
+        cls.poll_message_set("No photo has a calibrated camera and a region with faces on the scan (step 3)")
+        return bool(solvable_photos(context.scene))
+
+    def start(self, context: bpy.types.Context) -> Job[Any]:
+        scene = context.scene
+        photos = solvable_photos(scene)
+        if self.only_active:
+            chosen = scene.fresco.active_photo
+            photos = [photo for photo in photos if photo == chosen]
+            if not photos:
+                raise RegionError(
+                    f"{chosen.name}: mark a region in this photo first, and calibrate its camera."
+                )
+        self._photos = [photo.name for photo in photos]
+        core_photos = [bridge.read_photo(scene, photo) for photo in photos]
+        scan = read_scan(scene)
+        surfaces = surface_regions(scan, scan.face_sets)
+        return solve_poses_job(core_photos, surfaces, to_core(scene.fresco.pose, PoseSettings))
+
+    def finish(self, context: bpy.types.Context, result: list[PhotoPose]) -> None:
+        photos = context.scene.fresco.photos
+        for solved in result:
+            bridge.write_solution(context.scene, photos[solved.photo], solved)
+        found = sum(solved.solved for solved in result)
+        self.report({"INFO"}, f"{found} of {len(self._photos)} photos solved")
+
+
+class FRESCO_OT_accept_pose(StepOperator):
+    bl_idname = "fresco.accept_pose"
+    bl_label = "Accept Pose"
+    bl_description = "Use the chosen photo's camera where it stands now, found, ambiguous or placed by hand"
+    bl_options = {"UNDO"}
+    step = "pose"
+
+    @classmethod
+    def ready(cls, context: bpy.types.Context) -> bool:
+        photo = context.scene.fresco.active_photo
+        cls.poll_message_set("Choose a photo with a calibrated camera in the list")
+        return photo is not None and photo.camera is not None and bool(photo.camera_json)
+
+    def run(self, context: bpy.types.Context) -> None:
+        photo = context.scene.fresco.active_photo
+        context.view_layer.update()
+        rotation, translation, covariance = bridge.read_pose(context.scene, photo)
+        bridge.write_pose(context.scene, photo, rotation, translation, covariance)
+        photo.state = "GIVEN"
+        photo.message = "Accepted by hand."
+
+
+CLASSES = (FRESCO_OT_solve_poses, FRESCO_OT_accept_pose)

@@ -1,0 +1,59 @@
+"""Open a project file in the window: the same file that runs without one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from ...core.jobs import Job, part
+from ...core.project.entries import Project
+from ...core.project.load import load_project
+from ...core.project.run import check_inputs_job
+from ...core.project.surfaces import check_partners, region_faces
+from ...core.scans import read_scan_job
+from ..bridge.projects import OpenedProject, previews_job, show_project
+from ..jobs import JobOperator
+from ..preferences import preview_size
+
+
+def open_project_job(project: Project, size: int) -> Job[OpenedProject]:
+    """Read everything a project needs in the window; `size` is that of the photos' backgrounds."""
+    yield from part(check_inputs_job(project), 0.0, 0.3)
+    scan = yield from part(read_scan_job(project.scan.path, project.scan.settings), 0.3, 0.6)
+    faces = region_faces(project, scan)
+    check_partners(project.path, project.photos, faces)
+    previews = yield from part(previews_job(project, size), 0.6, 1.0)
+    return OpenedProject(project, scan, faces, previews)
+
+
+class FRESCO_OT_open_project(JobOperator):
+    bl_idname = "fresco.open_project"
+    bl_label = "Open Project"
+    bl_description = (
+        "Read scan, photos, regions and settings from a project file; replaces those of this scene"
+    )
+    bl_options = {"UNDO"}
+    step = "scan"
+
+    filepath: bpy.props.StringProperty(name="File", subtype="FILE_PATH", options={"SKIP_SAVE"})
+    filter_glob: bpy.props.StringProperty(default="*.toml", options={"HIDDEN"})
+
+    @classmethod
+    def ready(cls, context: bpy.types.Context) -> bool:
+        cls.poll_message_set("Leave Edit Mode first")
+        return context.mode == "OBJECT"
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        return super().invoke(context, event) if self.filepath else self.choose_file(context)
+
+    def start(self, context: bpy.types.Context) -> Job[OpenedProject]:
+        project = load_project(Path(bpy.path.abspath(self.filepath)))
+        return open_project_job(project, preview_size(context))
+
+    def finish(self, context: bpy.types.Context, result: OpenedProject) -> None:
+        show_project(context, result)
+        self.report({"INFO"}, f"{len(result.project.photos)} photos, {len(result.region_faces)} regions")
+
+
+CLASSES = (FRESCO_OT_open_project,)

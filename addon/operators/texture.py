@@ -1,0 +1,97 @@
+"""Texture the scan from the posed photos."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ...core.jobs import Job
+from ...core.project.textures import TexturedScan, texture_scan_job
+from ...core.settings import TextureSettings
+from ..bridge.photos import read_view
+from ..bridge.scans import read_scan
+from ..bridge.texture import show_texture
+from ..jobs import JobOperator, StepOperator
+from ..settings import to_core
+from .regions import has_scan
+
+
+class FRESCO_OT_texture_scan(JobOperator):
+    bl_idname = "fresco.texture_scan"
+    bl_label = "Texture Scan"
+    bl_description = "Choose the best photo for every face and lay it on, straight from the original pixels"
+    bl_options = {"UNDO"}
+    step = "texture"
+
+    @classmethod
+    def ready(cls, context: bpy.types.Context) -> bool:
+        if not has_scan(cls, context):
+            return False
+        if context.mode != "OBJECT":
+            cls.poll_message_set("Leave Edit Mode first")
+            return False
+        cls.poll_message_set("No photo that is in use has a pose yet: solve the poses first (step 4)")
+        return bool(posed_photos(context.scene))
+
+    def start(self, context: bpy.types.Context) -> Job[Any]:
+        scene = context.scene
+        photos = posed_photos(scene)
+        self._photos = [photo.name for photo in photos]
+        scan = read_scan(scene)
+        views = [read_view(scene, photo) for photo in photos]
+        return texture_scan_job(scan, views, to_core(scene.fresco.texture, TextureSettings))
+
+    def finish(self, context: bpy.types.Context, result: TexturedScan) -> None:
+        fresco = context.scene.fresco
+        show_texture(context.scene, result, [fresco.photos[name] for name in self._photos])
+        show_photos(context)
+
+
+def posed_photos(scene: bpy.types.Scene) -> list[Any]:
+    """Photos that are in use and have a pose."""
+    return [photo for photo in scene.fresco.photos if photo.is_posed and photo.use and photo.use_texture]
+
+
+def show_photos(context: bpy.types.Context, equalised: bool = False) -> None:
+    """Show the texture in the 3D view: the original pixels, or with each photo's gain."""
+    space = context.space_data
+    if space is None or space.type != "VIEW_3D":
+        return
+    if equalised:
+        context.scene.view_settings.view_transform = "Standard"  # a photo is no scene to be toned
+        space.shading.type = "MATERIAL"
+        return
+    space.shading.type = "SOLID"
+    space.shading.light = "FLAT"
+    space.shading.color_type = "TEXTURE"
+
+
+class FRESCO_OT_show_texture(StepOperator):
+    bl_idname = "fresco.show_texture"
+    bl_label = "Show Texture"
+    bl_description = "Show the texture in this 3D view"
+    step = "texture"
+
+    equalised: bpy.props.BoolProperty(
+        name="Equalised",
+        description="With each photo's gain, instead of the untouched pixels",
+        options={"SKIP_SAVE"},
+    )
+
+    @classmethod
+    def description(cls, context: bpy.types.Context, properties: Any) -> str:
+        if properties.equalised:
+            return "Show the texture with one gain per photo, which makes the photos agree"
+        return "Show the untouched pixels of the photos"
+
+    @classmethod
+    def ready(cls, context: bpy.types.Context) -> bool:
+        cls.poll_message_set("Texture the scan first (step 5)")
+        return bool(context.scene.fresco.texture_report)
+
+    def run(self, context: bpy.types.Context) -> None:
+        show_photos(context, self.equalised)
+
+
+CLASSES = (FRESCO_OT_texture_scan, FRESCO_OT_show_texture)

@@ -1,0 +1,32 @@
+"""Deliver: what is written, and where."""
+
+from __future__ import annotations
+
+import bpy
+
+from .base import FrescoPanel, draw_error
+
+
+class FRESCO_PT_export(FrescoPanel, bpy.types.Panel):
+    bl_idname = "FRESCO_PT_export"
+    bl_label = "Export"
+    bl_order = 6
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        self.layout.label(text="", icon="EXPORT")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        draw_error(layout, context, "export")
+        export = context.scene.fresco.export
+        layout.prop(export, "folder")
+        layout.prop(export, "name", placeholder=export.default_name(context.scene))
+        column = layout.column(heading="Write")
+        for name in ("write_glb", "write_obj", "write_ply", "write_report", "write_blend"):
+            column.prop(export, name)
+        layout.operator("fresco.export", icon="EXPORT")
+
+
+CLASSES = (FRESCO_PT_export,)

@@ -1,0 +1,39 @@
+"""Step 5: the texture."""
+
+from __future__ import annotations
+
+import bpy
+
+from .base import SettingsPanel, StepPanel, draw_rows
+
+
+class FRESCO_PT_texture(StepPanel, bpy.types.Panel):
+    bl_idname = "FRESCO_PT_texture"
+    bl_label = "5  Texture"
+    bl_order = 5
+    step = "texture"
+
+    @classmethod
+    def is_done(cls, context: bpy.types.Context) -> bool:
+        return bool(context.scene.fresco.texture_report)
+
+    @classmethod
+    def is_ready(cls, context: bpy.types.Context) -> bool:
+        return bpy.ops.fresco.texture_scan.poll()
+
+    def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        row = layout.row(align=True)
+        row.operator("fresco.texture_scan", icon="TEXTURE")
+        row.operator("fresco.show_texture", text="", icon="SHADING_TEXTURE").equalised = False
+        row.operator("fresco.show_texture", text="", icon="SHADING_RENDERED").equalised = True
+        rows = [line.split("\t") for line in context.scene.fresco.texture_report.splitlines()]
+        draw_rows(layout, [(name, value) for name, value in rows])
+
+
+class FRESCO_PT_texture_settings(SettingsPanel, bpy.types.Panel):
+    bl_idname = "FRESCO_PT_texture_settings"
+    bl_parent_id = "FRESCO_PT_texture"
+    group = "texture"
+
+
+CLASSES = (FRESCO_PT_texture, FRESCO_PT_texture_settings)
