@@ -8,7 +8,7 @@ from .fisheye import FisheyeCamera
 from .perspective import PerspectiveCamera
 from .polynomial import PolynomialCamera
 from .resolution import angular_resolution, ground_sample_distance, pixel_solid_angle
-from .wide import DivisionCamera, ExtendedUnifiedCamera, FieldOfViewCamera
+from .wide import DivisionCamera, ExtendedUnifiedCamera, FieldOfViewCamera, InverseRadialCamera
 
 __all__ = [
     "Camera",
@@ -19,6 +19,7 @@ __all__ = [
     "ExtendedUnifiedCamera",
     "FieldOfViewCamera",
     "FisheyeCamera",
+    "InverseRadialCamera",
     "PerspectiveCamera",
     "PolynomialCamera",
     "angular_resolution",

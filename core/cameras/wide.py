@@ -8,7 +8,11 @@ import numpy as np
 
 from ..arrays import ArrayLike, FloatArray
 from ..errors import CameraError
+from .distortion import FAR, first_fold
+from .monotone import MonotoneInverse
 from .plane import PlaneCamera
+
+_TABLE_SIZE = 513
 
 
 class ExtendedUnifiedCamera(PlaneCamera):
@@ -134,6 +138,54 @@ class FieldOfViewCamera(PlaneCamera):
 
     def _with_matrix(self, width: int, height: int, K: FloatArray) -> Self:
         return type(self)(width, height, K, self.omega)
+
+
+class InverseRadialCamera(PlaneCamera):
+    """Radial distortion told from the photo: the ray of a plane point m is `(m (1 + k |m|^2), 1)`.
+
+    Perspective, in front of the camera only; a negative k ends where it folds. Source: VisualSFM's camera.
+    """
+
+    def __init__(self, width: int, height: int, K: ArrayLike, k: float):
+        super().__init__(width, height, K)
+        if not np.isfinite(k):
+            raise CameraError("The coefficient k of an inverse radial camera must be a finite number.")
+        self.k = float(k)
+        self._limit = min(first_fold((self.k,), ()), FAR)
+        nodes = np.tan(np.linspace(0, np.arctan(self._limit * (1 - 1e-15)), _TABLE_SIZE))
+        self._seen_radius = MonotoneInverse(_Cubic(self.k), nodes)
+
+    def _gain(self, points: FloatArray) -> FloatArray:
+        return self._gain_with_slopes(points)[0]
+
+    def _gain_with_slopes(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        z = points[..., 2]
+        s = points[..., 0] ** 2 + points[..., 1] ** 2
+        inverse = np.divide(1.0, z, out=np.full(z.shape, np.nan), where=z > 0)
+        r = np.sqrt(s)
+        m = self._seen_radius(r * inverse)
+        gain = np.divide(m, r, out=np.where(np.isnan(m), np.nan, inverse), where=r > 0)
+        slope = inverse / (1 + 3 * self.k * m * m)  # of m by r, and by z it is -r/z times that
+        slope_s = np.divide(slope - gain, 2 * s, out=np.zeros(z.shape), where=s > 0)
+        return gain, slope_s, -slope * inverse
+
+    def _from_plane(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        r2 = x * x + y * y
+        stretch = np.where(r2 < self._limit**2, 1 + self.k * r2, np.nan)
+        return _unit(x * stretch, y * stretch, np.where(np.isnan(stretch), np.nan, 1.0))
+
+    def _with_matrix(self, width: int, height: int, K: FloatArray) -> Self:
+        return type(self)(width, height, K, self.k)
+
+
+class _Cubic:
+    """r + k r^3 with its slope."""
+
+    def __init__(self, k: float):
+        self._k = k
+
+    def __call__(self, r: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return r + self._k * r**3, 1 + 3 * self._k * r * r
 
 
 def _unit(x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:

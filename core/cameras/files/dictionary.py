@@ -24,7 +24,7 @@ from ..equirectangular import EquirectangularCamera
 from ..fisheye import FisheyeCamera
 from ..perspective import PerspectiveCamera
 from ..polynomial import PolynomialCamera
-from ..wide import DivisionCamera, ExtendedUnifiedCamera, FieldOfViewCamera
+from ..wide import DivisionCamera, ExtendedUnifiedCamera, FieldOfViewCamera, InverseRadialCamera
 from .text import entry, number, read_text, whole, write_text
 
 
@@ -46,6 +46,7 @@ _MODELS = {
     "extended_unified": _Model(ExtendedUnifiedCamera, ("K", "alpha", "beta")),
     "division": _Model(DivisionCamera, ("K", "k")),
     "field_of_view": _Model(FieldOfViewCamera, ("K", "omega")),
+    "inverse_radial": _Model(InverseRadialCamera, ("K", "k")),
 }
 _SINGLE = ("xi", "alpha", "beta", "k", "omega")
 _FISHEYE_ARGUMENTS = {"coefficients": "distortion", "distortion": "plane_distortion"}

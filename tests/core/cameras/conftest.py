@@ -8,6 +8,7 @@ from fresco.core.cameras import (
     ExtendedUnifiedCamera,
     FieldOfViewCamera,
     FisheyeCamera,
+    InverseRadialCamera,
     PerspectiveCamera,
     PolynomialCamera,
 )
@@ -42,6 +43,8 @@ CAMERAS = {
     "division_barrel": DivisionCamera(*SIZE, K, -0.2),
     "division_pincushion": DivisionCamera(*SIZE, K, 0.05),
     "field_of_view": FieldOfViewCamera(*SIZE, K, 0.8),
+    "inverse_pincushion": InverseRadialCamera(*SIZE, K, -0.05),
+    "inverse_barrel": InverseRadialCamera(*SIZE, K, 0.1),
 }
 
 

@@ -12,6 +12,7 @@ from fresco.core.cameras import (
     ExtendedUnifiedCamera,
     FieldOfViewCamera,
     FisheyeCamera,
+    InverseRadialCamera,
     PerspectiveCamera,
     PolynomialCamera,
 )
@@ -283,6 +284,13 @@ def test_lens_models_by_their_definitions():
         np.testing.assert_allclose(camera.project(points), expected, atol=1e-9)
 
 
+def test_inverse_radial_lens_by_its_definition():
+    camera = InverseRadialCamera(1600, 1200, K, 0.1)
+    seen = np.random.default_rng(15).uniform(-1.5, 1.5, (200, 2))
+    points = np.column_stack([seen * (1 + 0.1 * (seen**2).sum(axis=1, keepdims=True)), np.ones(200)])
+    np.testing.assert_allclose(camera.project(points * 3), seen * [500, 495] + [803.3, 590.8], atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -298,6 +306,7 @@ def test_lens_models_by_their_definitions():
         (lambda: ExtendedUnifiedCamera(10, 10, K, 1.2, 1), "alpha"),
         (lambda: DivisionCamera(10, 10, K, np.nan), "finite"),
         (lambda: FieldOfViewCamera(10, 10, K, 4.0), "omega"),
+        (lambda: InverseRadialCamera(10, 10, K, np.inf), "finite"),
         (lambda: FisheyeCamera(0, 10, K), "whole number"),
     ],
 )
