@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import bpy
 
-from . import jobs, preferences, properties, settings
-from .operators import photos, pose, project, regions, scan, texture
+from . import cli, jobs, preferences, properties, settings
+from .operators import export, photos, pose, project, regions, scan, texture
 from .panels import base as base_panel
+from .panels import export as export_panel
 from .panels import photos as photos_panel
 from .panels import pose as pose_panel
 from .panels import regions as regions_panel
@@ -24,13 +25,16 @@ _MODULES = (
     pose,
     texture,
     project,
+    export,
     base_panel,
     scan_panel,
     photos_panel,
     regions_panel,
     pose_panel,
     texture_panel,
+    export_panel,
 )
+_commands: list[object] = []  # Blender's handles of registered commands
 _CLASSES = tuple(cls for module in _MODULES for cls in module.CLASSES)
 
 
@@ -40,10 +44,12 @@ def register() -> None:
         bpy.utils.register_class(cls)
     properties.attach()
     jobs.attach()
+    _commands.append(bpy.utils.register_cli_command("fresco", cli.blender_command))
 
 
 def unregister() -> None:
     """Undo `register`, in reverse."""
+    bpy.utils.unregister_cli_command(_commands.pop())
     jobs.detach()
     properties.detach()
     for cls in reversed(_CLASSES):

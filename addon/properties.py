@@ -60,6 +60,7 @@ class FrescoPhoto(bpy.types.PropertyGroup):
         type=bpy.types.Image, name="Usable part", description="Mask: bright where the photo may be used"
     )
     pose_json: bpy.props.StringProperty(description="Pose in double precision with its covariance")
+    solution_json: bpy.props.StringProperty(description="What the solver found, with the alternatives")
     marks: bpy.props.CollectionProperty(type=FrescoMark)
     use: bpy.props.BoolProperty(name="Use", default=True, description="Use this photo at all")
     use_texture: bpy.props.BoolProperty(
@@ -141,9 +142,6 @@ class FrescoExportSettings(bpy.types.PropertyGroup):
         name="OBJ (.obj, .mtl)",
         default=True,
         description="Scan in true coordinates with the original photos",
-    )
-    write_ply: bpy.props.BoolProperty(
-        name="PLY (.ply)", default=False, description="Scan with its regions and the photo of every face"
     )
     write_report: bpy.props.BoolProperty(
         name="Report (.html)", default=True, description="One page with pictures and numbers"

@@ -146,6 +146,13 @@ def write_uvs(mesh: bpy.types.Mesh, name: str, uvs: ArrayLike) -> None:
     layer.active_render = True
 
 
+def read_uvs(mesh: bpy.types.Mesh, name: str) -> FloatArray:
+    """Blender UVs (F,3,2) of a triangle mesh."""
+    uvs = np.empty(2 * len(mesh.loops), dtype=np.float32)
+    mesh.uv_layers[name].uv.foreach_get("vector", uvs)
+    return uvs.reshape(-1, 3, 2).astype(np.float64)
+
+
 def write_material_indices(mesh: bpy.types.Mesh, indices: IntArray) -> None:
     """Store the material slot (F,) of every face."""
     write_face_attribute(mesh, "material_index", np.ascontiguousarray(indices, dtype=np.int32))

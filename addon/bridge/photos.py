@@ -19,7 +19,8 @@ from ...core.cameras import Camera
 from ...core.cameras.files import camera_from_dict, camera_to_dict
 from ...core.errors import PhotoError
 from ...core.photos import Photo, RegionMark, View
-from ...core.project.poses import PhotoPose
+from ...core.pose import Pose
+from ...core.project.poses import PhotoPose, pose_from_dict, pose_to_dict
 from ..properties import FrescoMark, FrescoPhoto
 from . import cameras
 from .images import load_image, pack_photo, read_mask_pixels
@@ -125,6 +126,7 @@ def write_world_pose(
 def write_solution(scene: bpy.types.Scene, item: FrescoPhoto, solved: PhotoPose) -> None:
     """Show what became of a photo in the pose stage; a pose that does not count is shown, too."""
     item.message = " ".join(text for text in (solved.failure, *solved.notes) if text)
+    item.solution_json = json.dumps(pose_to_dict(solved))
     item.overlap, item.centre_sigma, item.rotation_sigma = -1.0, 0.0, 0.0
     pose = solved.pose
     if pose is None:
@@ -135,6 +137,18 @@ def write_solution(scene: bpy.types.Scene, item: FrescoPhoto, solved: PhotoPose)
         item.overlap = solved.overlap_error
         item.centre_sigma, item.rotation_sigma = pose.centre_sigma, pose.rotation_sigma
     write_pose(scene, item, pose.rotation, pose.translation, None if solved.given else pose.covariance)
+
+
+def read_solution(scene: bpy.types.Scene, item: FrescoPhoto) -> PhotoPose:
+    """Return what became of a photo; a pose that was placed or accepted by hand counts as given."""
+    if item.state in {"GIVEN", "SOLVED"} and (item.state == "GIVEN" or is_moved(scene, item)):
+        rotation, translation, covariance = read_pose(scene, item)
+        unknown = np.full((6, 6), np.nan)
+        pose = Pose(rotation, translation, unknown if covariance is None else covariance)
+        return PhotoPose(item.name, pose, given=True)
+    if item.solution_json:
+        return pose_from_dict(json.loads(item.solution_json))
+    return PhotoPose(item.name, None, "Not solved yet.")
 
 
 def _kept_pose(scene: bpy.types.Scene, item: FrescoPhoto) -> tuple[FloatArray, FloatArray, FloatArray | None]:

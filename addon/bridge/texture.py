@@ -8,11 +8,12 @@ import bpy
 import numpy as np
 
 from ...core.arrays import FloatArray, IntArray
+from ...core.errors import TextureError
 from ...core.project.textures import TexturedScan
 from ...core.texture import Selection
 from ..properties import FrescoPhoto
 from . import materials, meshes
-from .photos import read_camera
+from .photos import read_camera, read_view
 from .regions import count_faces
 
 PHOTOS_KEY = "fresco_photos"
@@ -76,14 +77,46 @@ def write_slots(mesh: bpy.types.Mesh, selection: Selection, photos: list[FrescoP
     return slots
 
 
+def _photo_sizes(photos: list[FrescoPhoto]) -> FloatArray:
+    """Width and height of every photo, and (1, 1) for the number -1."""
+    cameras = [read_camera(photo) for photo in photos]  # asking the images for their size would load them
+    return np.array([(camera.width, camera.height) for camera in cameras] + [(1, 1)], dtype=np.float64)
+
+
 def photo_uvs(selection: Selection, photos: list[FrescoPhoto]) -> FloatArray:
     """Blender's UVs (F,3,2) of a selection; 0 where no photo sees the face."""
-    cameras = [read_camera(photo) for photo in photos]  # asking the images for their size would load them
-    sizes = np.array([(camera.width, camera.height) for camera in cameras] + [(1, 1)], dtype=np.float64)
-    size = sizes[selection.view]
+    size = _photo_sizes(photos)[selection.view]
     uvs = materials.uvs_from_pixels(selection.uv, size[:, None, 0], size[:, None, 1])
     uvs[selection.view < 0] = 0.0
     return uvs
+
+
+def read_texture(scene: bpy.types.Scene) -> TexturedScan:
+    """Return the texture that the scan shows, as core takes it. Raises TextureError when there is none."""
+    obj, photos = scene.fresco.scan, scene.fresco.photos
+    mesh = obj.data
+    values = {field: meshes.read_face_attribute(mesh, attribute) for attribute, field in MAPS.items()}
+    names = json.loads(mesh.get(PHOTOS_KEY, "[]"))
+    missing = [name for name in names if name not in photos]
+    if missing:
+        raise TextureError(f"Photo {missing[0]} was removed since the scan was textured: texture it again.")
+    if not names or any(value is None for value in values.values()) or materials.UV_MAP not in mesh.uv_layers:
+        raise TextureError("The scan has no texture yet: texture it first (step 5).")
+    items = [photos[name] for name in names]
+    uvs = meshes.read_uvs(mesh, materials.UV_MAP)
+    size = _photo_sizes(items)[values["view"]]
+    faces = meshes.read_faces(mesh)
+    return TexturedScan(
+        vertices=meshes.read_vertices(obj),
+        faces=faces,
+        parent=np.arange(len(faces), dtype=np.int32),
+        selection=Selection(
+            uv=materials.pixels_from_uvs(uvs, size[:, None, 0], size[:, None, 1]),
+            gain=np.array([materials.read_gain(item.material) for item in items]),
+            **values,
+        ),
+        views=tuple(read_view(scene, item) for item in items),
+    )
 
 
 def texture_rows(textured: TexturedScan) -> list[tuple[str, str]]:

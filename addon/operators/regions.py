@@ -155,10 +155,11 @@ class MaskImport(JobOperator):
             bridge.write_mark(photos[name], region, mark, result.sizes[name])
         self.report({"INFO"}, f"{len(result.marks)} masks loaded")
         if result.cut_off:
+            count, names = len(result.cut_off), ", ".join(result.cut_off[:3])
             self.warn(
                 context,
-                f"{len(result.cut_off)} of {len(result.marks)} masks touch the edge of their photo, which cuts off "
-                f"the region's outline; they are not used for the pose: {', '.join(result.cut_off[:3])}",
+                f"{count} of {len(result.marks)} masks touch the edge of their photo, which cuts off the "
+                f"region's outline; they are not used for the pose: {names}",
             )
 
 
@@ -227,8 +228,8 @@ class FRESCO_OT_import_mask_folder(MaskImport):
         masks = [(photo.name, path) for photo in photos for path in masks_of(photo, folder)]
         if not masks:
             raise RegionError(
-                f"{folder}: there are no masks for these photos. Give each photo a folder with its name, and in "
-                "it one mask per region, named after the region."
+                f"{folder}: there are no masks for these photos. Give each photo a folder with its name, "
+                "and in it one mask per region, named after the region."
             )
         return check_masks_job({photo.name: Path(photo.path) for photo in photos}, masks)
 

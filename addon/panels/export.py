@@ -24,7 +24,7 @@ class FRESCO_PT_export(FrescoPanel, bpy.types.Panel):
         layout.prop(export, "folder")
         layout.prop(export, "name", placeholder=export.default_name(context.scene))
         column = layout.column(heading="Write")
-        for name in ("write_glb", "write_obj", "write_ply", "write_report", "write_blend"):
+        for name in ("write_glb", "write_obj", "write_report", "write_blend"):
             column.prop(export, name)
         layout.operator("fresco.export", icon="EXPORT")
 

@@ -7,6 +7,11 @@ import bpy
 from ..properties import FrescoRegion, FrescoScene
 from .base import StepPanel, draw_text
 
+HOW_TO_MARK = (
+    "Mark patches that scan and photos both show: select their faces in Edit Mode, and give a mask for "
+    "every photo."
+)
+
 
 class FRESCO_UL_regions(bpy.types.UIList):
     """Regions: colour, name, faces on the scan, photos that show them."""
@@ -69,13 +74,7 @@ class FRESCO_PT_regions(StepPanel, bpy.types.Panel):
         row.operator("fresco.import_masks", icon="IMAGE_DATA")
         row.operator("fresco.import_mask_folder", text="", icon="FILE_FOLDER")
         if not fresco.regions:
-            draw_text(
-                layout,
-                context,
-                "Mark patches that scan and photos both show: select their faces in Edit Mode, and give a mask "
-                "for every photo.",
-                icon="INFO",
-            )
+            draw_text(layout, context, HOW_TO_MARK, icon="INFO")
             return
         row = layout.row()
         row.template_list("FRESCO_UL_regions", "", fresco, "regions", fresco, "region_index", rows=4)

@@ -51,7 +51,8 @@ def write_scan(path, offset=(0, 0, 0)):
     header = (
         f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n"
         "property double x\nproperty double y\nproperty double z\n"
-        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nproperty int region\nend_header\n"
+        f"element face {len(faces)}\nproperty list uchar int vertex_indices\n"
+        "property int region\nend_header\n"
     )
     rows = np.zeros(len(faces), dtype=[("n", "u1"), ("v", "<i4", 3), ("region", "<i4")])
     rows["n"], rows["v"], rows["region"] = 3, faces, label

@@ -10,7 +10,7 @@ FAR = (5_000_000.0, 512_345.5, 120.0)
 def test_scan_comes_in_with_its_numbers_and_regions(scene, folder, room):
     bpy.ops.fresco.import_scan(filepath=str(folder / "scan.ply"))
     scan = scene.fresco.scan
-    vertices, faces, _ = room.walls()
+    _, faces, _ = room.walls()
     assert len(scan.data.polygons) == len(faces)
     assert bpy.context.view_layer.objects.active == scan
     assert not scan.data.validate()
@@ -45,7 +45,7 @@ def test_moved_scan_is_read_where_it_stands(scene, folder, module):
     scene.fresco.scan.rotation_euler = (0, 0, np.pi / 2)
     bpy.context.view_layer.update()
     after = read_scan(scene).vertices
-    turned = np.stack([-before[:, 1], before[:, 0], before[:, 2]], axis=1) + (1, 2, 3)
+    turned = np.array((1, 2, 3)) + np.stack([-before[:, 1], before[:, 0], before[:, 2]], axis=1)
     np.testing.assert_allclose(after, turned, atol=1e-6)
 
 
@@ -70,7 +70,8 @@ def test_a_bad_file_is_a_sentence_and_changes_nothing(scene, tmp_path, name, con
 
 def test_a_cloud_is_refused_with_the_reason(scene, tmp_path):
     (tmp_path / "cloud.ply").write_text(
-        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
+        "ply\nformat ascii 1.0\nelement vertex 3\n"
+        "property float x\nproperty float y\nproperty float z\nend_header\n"
         "0 0 0\n1 0 0\n0 1 0\n"
     )
     with pytest.raises(RuntimeError, match="points only"):

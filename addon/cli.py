@@ -1,0 +1,153 @@
+"""The command line: `fresco run project.toml`, and `blender --command fresco run project.toml`."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from ..core.errors import FrescoError, ProjectError
+from ..core.jobs import Job, Progress, drain, part
+from ..core.project.entries import Project
+from ..core.project.load import load_project
+from ..core.project.poses import PhotoPose
+from ..core.project.run import ProjectResult, run_project_job
+
+DONE, FAILED, WRONG_PROJECT = 0, 1, 2
+_BLENDER_MISSING = (
+    "Fresco needs Blender's Python module to write .blend and .glb: install it with “pip install bpy”, or "
+    "run “blender --command fresco run PROJECT”."
+)
+_LINE_STEP = 0.5  # s between two lines of progress of the same work
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command `fresco` and end the process with its exit code."""
+    code = run_command(sys.argv[1:] if arguments is None else arguments, _start_blender)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # Blender's module does not end by itself while anything is registered with it.
+    os._exit(code)
+
+
+def run_command(arguments: Sequence[str], start_blender: Callable[[], None]) -> int:
+    """Run a command line; return the exit code: 0 done, 1 failed, 2 wrong project file or arguments."""
+    try:
+        options = _parser().parse_args(list(arguments))
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return run(Path(options.project), start_blender)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser("fresco", description="Lay photographs onto laser scans.")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    run_parser = commands.add_parser("run", help="solve and texture a project, write what it asks for")
+    run_parser.add_argument("project", help="project file (.toml)")
+    return parser
+
+
+def run(path: Path, start_blender: Callable[[], None]) -> int:
+    """Run a project file from its inputs to its outputs; see `run_command` for the exit code."""
+    printer = ProgressPrinter()
+    try:
+        project = load_project(path)
+        start_blender()
+        result = drain(run_job(project), printer.show)
+    except ProjectError as error:
+        return _stop(str(error), WRONG_PROJECT)
+    except FrescoError as error:
+        return _stop(str(error), FAILED)
+    except MemoryError:
+        return _stop("There is not enough memory for this project.", FAILED)
+    except KeyboardInterrupt:
+        return _stop("Stopped.", FAILED)
+    printer.end(result)
+    return DONE
+
+
+def _stop(sentence: str, code: int) -> int:
+    sys.stdout.flush()
+    print(f"fresco: {sentence}", file=sys.stderr)
+    return code
+
+
+def run_job(project: Project) -> Job[ProjectResult]:
+    """Solve, texture, show everything in a new scene, and write what the project asks for."""
+    import bpy
+
+    from ..core.report import project_report
+    from .bridge.projects import previews_job, show_result
+    from .outputs import Wanted, outputs_job
+    from .preferences import preview_size
+
+    result = yield from part(run_project_job(project), 0.0, 0.8)
+    previews = yield from part(previews_job(project, preview_size(bpy.context)), 0.8, 0.85)
+    yield Progress(0.85, "Building the scene")
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    show_result(bpy.context, result, previews)
+    output = project.output
+    wanted = Wanted(output.folder.resolve(), output.name, output.glb, False, output.report, output.blend)
+    yield from part(outputs_job(bpy.context, wanted, result.scan, project_report(result)), 0.87, 1.0)
+    return result
+
+
+class ProgressPrinter:
+    """Prints a line when the work changes, and now and then while it goes on."""
+
+    def __init__(self) -> None:
+        self._start = time.perf_counter()
+        self._last_time = -_LINE_STEP
+        self._last_message = ""
+
+    def show(self, progress: Progress) -> None:
+        """Print a step of a job, unless the same was just printed."""
+        elapsed = time.perf_counter() - self._start
+        if progress.message == self._last_message or elapsed - self._last_time < _LINE_STEP:
+            return
+        self._last_time, self._last_message = elapsed, progress.message
+        self._print(progress.fraction, progress.message)
+
+    def _print(self, fraction: float, message: str) -> None:
+        minutes, seconds = divmod(time.perf_counter() - self._start, 60)
+        print(f"{100 * fraction:3.0f} %  {int(minutes):2d}:{seconds:04.1f}  {message}", flush=True)
+
+    def end(self, result: ProjectResult) -> None:
+        """Print what became of every photo, and where the output is."""
+        for pose in result.poses:
+            print(f"  {pose.photo}: {describe(pose)}")
+        folder = result.project.output.folder.resolve()
+        covered = f"{100 * result.textured.coverage:.1f} % of the surface covered"
+        self._print(1.0, f"{covered}; written to {folder}")
+
+
+def describe(pose: PhotoPose) -> str:
+    """Return a photo's result in words."""
+    if pose.given:
+        return "pose given"
+    if not pose.solved:
+        return f"not solved: {pose.failure}"
+    return (
+        f"overlap error {pose.overlap_error:.2f} %, "
+        f"± {1000 * pose.pose.centre_sigma:.1f} mm, ± {pose.pose.rotation_sigma:.3f}°"
+    )
+
+
+def _start_blender() -> None:
+    """Import Blender's module and register the add-on in it, once."""
+    try:
+        import bpy
+    except ImportError:
+        raise FrescoError(_BLENDER_MISSING) from None
+    if not hasattr(bpy.types.Scene, "fresco"):
+        from . import register
+
+        register()
+
+
+def blender_command(arguments: Sequence[str]) -> int:
+    """Run `blender --command fresco ARGUMENTS`; the add-on is registered already."""
+    return run_command(arguments, lambda: None)

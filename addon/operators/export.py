@@ -1,0 +1,79 @@
+"""Deliver the textured scan."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import bpy
+
+from ...core.errors import OutputError
+from ...core.jobs import Job
+from ...core.project.provenance import fresco_version
+from ...core.project.surfaces import surface_regions
+from ...core.report import Report
+from ...core.scans import Scan
+from ..bridge.photos import read_photo, read_solution
+from ..bridge.scans import read_scan
+from ..bridge.texture import read_texture
+from ..jobs import JobOperator
+from ..outputs import Wanted, outputs_job
+from .regions import has_scan
+
+
+def wanted_outputs(scene: bpy.types.Scene) -> Wanted:
+    """Return what the panel asks for; `OutputError` where the folder cannot be told."""
+    export = scene.fresco.export
+    if export.folder.startswith("//") and not bpy.data.filepath:
+        raise OutputError("The export folder is beside the .blend file: save that first, or choose a folder.")
+    if not export.folder.strip():
+        raise OutputError("Choose a folder for the exported files.")
+    folder = Path(bpy.path.abspath(export.folder))
+    name = export.name.strip() or export.default_name(scene)
+    return Wanted(folder, name, export.write_glb, export.write_obj, export.write_report, export.write_blend)
+
+
+def scene_report(scene: bpy.types.Scene, scan: Scan, title: str) -> Report:
+    """Return the report's contents from what the scene holds."""
+    items = [photo for photo in scene.fresco.photos if photo.use and photo.camera_json]
+    return Report(
+        title=title,
+        scan=scan,
+        surfaces=surface_regions(scan, scan.face_sets),
+        photos=[read_photo(scene, item) for item in items],
+        poses=[read_solution(scene, item) for item in items],
+        textured=read_texture(scene),
+        written=datetime.now(UTC).isoformat(timespec="seconds"),
+        versions={"fresco": fresco_version(), "blender": bpy.app.version_string},
+    )
+
+
+class FRESCO_OT_export(JobOperator):
+    bl_idname = "fresco.export"
+    bl_label = "Export"
+    bl_description = "Write the textured scan, its cameras and the report into the folder"
+    step = "export"
+
+    @classmethod
+    def ready(cls, context: bpy.types.Context) -> bool:
+        if not has_scan(cls, context):
+            return False
+        if context.mode != "OBJECT":
+            cls.poll_message_set("Leave Edit Mode first")
+            return False
+        cls.poll_message_set("Texture the scan first (step 5)")
+        return bool(context.scene.fresco.texture_report)
+
+    def start(self, context: bpy.types.Context) -> Job[list[Path]]:
+        wanted = wanted_outputs(context.scene)
+        scan = read_scan(context.scene)
+        return outputs_job(context, wanted, scan, scene_report(context.scene, scan, wanted.name))
+
+    def finish(self, context: bpy.types.Context, result: list[Path]) -> None:
+        if not result:
+            self.warn(context, "Nothing was chosen to be written.")
+            return
+        self.report({"INFO"}, f"{len(result)} files written to {result[0].parent}")
+
+
+CLASSES = (FRESCO_OT_export,)

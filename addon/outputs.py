@@ -1,0 +1,153 @@
+"""What Fresco delivers from a scene: one job that the window and the command line share."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import logging
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+
+from ..core.arrays import FloatArray
+from ..core.errors import OutputError
+from ..core.files import output_error
+from ..core.jobs import Job, Progress, part
+from ..core.project.textures import TexturedScan
+from ..core.report import Report, write_report_job
+from ..core.scans import Scan
+from ..core.texture import write_obj_job
+from .bridge.world import read_offset
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Which files to write: `folder / (name + ending)` each."""
+
+    folder: Path
+    name: str
+    glb: bool = True
+    obj: bool = True
+    report: bool = True
+    blend: bool = True
+
+    def path(self, ending: str) -> Path:
+        """Path of an output file."""
+        return self.folder / (self.name + ending)
+
+
+def outputs_job(context: bpy.types.Context, wanted: Wanted, scan: Scan, report: Report) -> Job[list[Path]]:
+    """Write what is wanted; each file appears complete or not at all. Raises OutputError."""
+    try:
+        wanted.folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise output_error(wanted.folder, error) from error
+    jobs: list[Callable[[], Job[Path]]] = []
+    if wanted.obj and report.textured is not None:
+        textured = report.textured
+        jobs.append(lambda: _obj_job(wanted.path(".obj"), scan, textured))
+    if wanted.report:
+        jobs.append(lambda: write_report_job(report, wanted.path("_report.html")))
+    if wanted.glb:
+        jobs.append(lambda: _glb_job(context, wanted.path(".glb")))
+    if wanted.blend:
+        jobs.append(lambda: _blend_job(wanted.path(".blend")))
+    written = []
+    for number, job in enumerate(jobs):
+        written.append((yield from part(job(), number / len(jobs), (number + 1) / len(jobs))))
+    return written
+
+
+def _obj_job(path: Path, scan: Scan, textured: TexturedScan) -> Job[Path]:
+    selection, views = textured.selection, textured.views
+    return write_obj_job(path, textured.vertices, textured.faces, selection, views, scan.offset)
+
+
+def _glb_job(context: bpy.types.Context, path: Path) -> Job[Path]:
+    """Write scan, texture and cameras as one binary glTF, by Blender's exporter."""
+    yield Progress(0.0, f"Writing {path.name}")
+    if not hasattr(bpy.types, "EXPORT_SCENE_OT_gltf"):
+        raise OutputError(f"{path}: enable Blender's add-on “glTF 2.0 format” to write it.")
+    temporary = path.with_name(f".{path.name}.part.glb")
+    with _fresco_selected(context), _quiet(), _told(path, temporary):
+        bpy.ops.export_scene.gltf(
+            filepath=str(temporary),
+            export_format="GLB",
+            use_selection=True,
+            export_cameras=True,
+            export_animations=False,
+            export_skins=False,
+            export_morph=False,
+        )
+        _note_offset(temporary, read_offset(context.scene))
+        temporary.replace(path)
+    return path
+
+
+def _note_offset(path: Path, offset: FloatArray) -> None:
+    """Write the scene's offset (metres, the scan's axes) into a GLB file's `asset.extras`.
+
+    Source: glTF 2.0, 4.4 (binary glTF: 12 bytes of header, then the JSON chunk, then the binary one).
+    """
+    data = path.read_bytes()
+    (length,) = struct.unpack_from("<I", data, 12)
+    content = json.loads(data[20 : 20 + length])
+    content["asset"]["extras"] = {"world_offset": offset.tolist()}
+    text = json.dumps(content, separators=(",", ":"), ensure_ascii=False).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + length :]
+    header = struct.pack("<4sIIII", b"glTF", 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A)
+    path.write_bytes(header + text + rest)
+
+
+def _blend_job(path: Path) -> Job[Path]:
+    """Write a copy of the scene's file."""
+    yield Progress(0.0, f"Writing {path.name}")
+    with _told(path, path.with_name(path.name + "@")):
+        bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, compress=True)
+    return path
+
+
+@contextlib.contextmanager
+def _told(path: Path, temporary: Path) -> Iterator[None]:
+    """Turn what Blender or the system says of a failed write into a sentence; leave no half-written file."""
+    try:
+        yield
+    except OSError as error:
+        raise output_error(path, error) from error
+    except RuntimeError as error:
+        last = str(error).strip().splitlines()[-1].removeprefix("Error: ")
+        raise OutputError(f"{path}: cannot be written: {last}") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def _fresco_selected(context: bpy.types.Context) -> Iterator[None]:
+    """Select exactly the scan and the photos' cameras, and restore the selection after."""
+    fresco = context.scene.fresco
+    chosen = {photo.camera for photo in fresco.photos if photo.is_posed} | {fresco.scan}
+    before = [(obj, obj.select_get()) for obj in context.view_layer.objects]
+    try:
+        for obj, _ in before:
+            obj.select_set(obj in chosen)
+        yield
+    finally:
+        for obj, selected in before:
+            obj.select_set(selected)
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep the exporter's own chatter off the terminal."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        level = logging.root.manager.disable
+        logging.disable(logging.INFO)
+        try:
+            yield
+        finally:
+            logging.disable(level)
