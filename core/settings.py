@@ -51,17 +51,17 @@ class TextureSettings:
     uv_tolerance: float = 0.5
     """Largest distance (pixels) between straight UV edges and the true projection of a face's edges."""
 
-    visible_share: float = 0.5
-    """Smallest share of a face's tested points that nothing may hide; whole faces are preferred, see below."""
+    visible_share: float = 0.7
+    """Smallest share of a face's tested points that must be unhidden; faces seen whole are preferred."""
 
     occlusion_tolerance: float = 0.0
-    """Surfaces nearer than this (m) in front of a face do not hide it: for scans with several noisy layers."""
+    """Surfaces nearer than this (m) in front of a face do not hide it: for scans of several noisy layers."""
 
     score: Literal["texel", "published"] = "texel"
     """What makes a photo good for a face: its texel size on the surface, or eq. 3.39 as published."""
 
-    hidden_penalty: float = 4.0
-    """Octaves of texel size that a face costs if all of it were hidden; half hidden costs half of it."""
+    hidden_penalty: float = 8.0
+    """Octaves of texel size, times the square root of the hidden share, that a partly hidden face costs."""
 
     clipped_penalty: float = 3.0
     """Octaves of texel size that a wholly burnt-out face costs."""
@@ -119,3 +119,41 @@ class PointSettings:
 
     seed: int = 0
     """Start of the random numbers: the same points give the same pose."""
+
+
+@dataclass(frozen=True)
+class JointSettings:
+    """All camera poses together, tied by features that lie on the scan."""
+
+    photo_size: int = 3200
+    """Longer side (pixels) at which features are looked for; larger photos are reduced to it."""
+
+    features: int = 6000
+    """Features kept per photo, spread over it."""
+
+    first_features: int = 2500
+    """Of these, the strongest ones that tie the photos while their poses are still rough."""
+
+    partners: int = 10
+    """Photos that each photo is matched with: those that see most of the same surface."""
+
+    max_parallax: float = 50.0
+    """Largest angle (degrees) between the lines of sight of two photos that are matched."""
+
+    rotation_sigma: float = 0.5
+    """Standard deviation (degrees, per axis) of a starting pose that comes without covariance."""
+
+    centre_sigma: float = 0.05
+    """Standard deviation (m, per axis) of a starting camera centre that comes without covariance."""
+
+    scan_sigma: float = 0.005
+    """Standard deviation (m) of the scan's surface to start with; the ties then tell the true one."""
+
+    patch: float = 0.25
+    """Size (m) of a patch of scan whose errors are alike: more ties on it do not average them out."""
+
+    min_ties: int = 20
+    """Ties that a photo needs to be moved at all."""
+
+    seed: int = 0
+    """Start of the random numbers: the same photos give the same poses."""

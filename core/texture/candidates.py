@@ -80,6 +80,11 @@ def candidate_cost(
         cost = np.log2(seen.texel * np.sqrt(seen.cosine) * np.maximum(theta, 1e-3))
     else:
         cost = np.log2(seen.texel) + np.log2(np.maximum(0.5 / seen.cosine, 1.0))
-    cost = cost + settings.hidden_penalty * (1 - seen.share) + settings.clipped_penalty * clipped - priority
+    cost = (
+        cost
+        + settings.hidden_penalty * np.sqrt(1 - seen.share)
+        + settings.clipped_penalty * clipped
+        - priority
+    )
     result: Float32Array = np.asarray(cost, dtype=np.float32)
     return result

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from ..arrays import FloatArray, IndexArray
+from ..arrays import ByteArray, FloatArray, IndexArray
 from .candidates import CandidateTable
-from .images import to_linear
+from .images import to_bytes, to_linear, to_srgb
 
 _DARKEST, _BRIGHTEST = 10, 245
 """Channel values outside are noise or burnt out and say nothing about exposure."""
@@ -42,6 +42,17 @@ def photo_gains(table: CandidateTable, view_count: int, anchor: int | None = Non
         members = np.flatnonzero(groups == group)
         log_gain[members] -= log_gain[anchor] if anchor in members else log_gain[members].mean(axis=0)
     return np.exp(log_gain)
+
+
+def corrected_colours(table: CandidateTable, gain: FloatArray) -> ByteArray:
+    """Colours of the candidates after the gains (V,3): (F,K,3) sRGB."""
+    codes = to_linear(np.arange(256, dtype=np.uint8))[None, :, None] * gain[:, None, :]
+    lookup = to_bytes(to_srgb(codes))  # (V,256,3)
+    out = np.empty_like(table.colour)
+    view = np.maximum(table.view, 0)
+    for channel in range(3):
+        out[..., channel] = lookup[view, table.colour[..., channel], channel]
+    return out
 
 
 def _observations(table: CandidateTable) -> tuple[IndexArray, IndexArray, FloatArray]:

@@ -64,6 +64,22 @@ def read_photo(view: View, number: int = 0) -> ByteArray:
     return image
 
 
+def read_reduced_photo(view: View, largest: float) -> tuple[ByteArray, float]:
+    """Pixels of a photo halved until it has at most `largest` pixels: (h,w,3) uint8 RGB, and the scale.
+
+    Pixel (u, v) of the photo lies at `(u + 0.5) * scale - 0.5`. Raises PhotoError.
+    """
+    scale = 1.0
+    while scale > 1 / 8 and view.camera.width * view.camera.height * scale**2 > largest:
+        scale /= 2
+    if not isinstance(view.image, np.ndarray):
+        return read_image(view.image, scale), scale
+    if scale == 1:
+        return view.image, scale
+    small = cv2.resize(view.image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    return small.astype(np.uint8, copy=False), scale
+
+
 def read_deep_photo(view: View, number: int = 0) -> AnyArray:
     """Pixels of a view's photo in its own depth: (H,W,3) uint8 or uint16, RGB. Raises PhotoError."""
     image = view.image if isinstance(view.image, np.ndarray) else read_deep_image(view.image)

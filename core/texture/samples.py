@@ -24,15 +24,17 @@ class PhotoSamples:
     clipped: Float32Array
 
 
-def sample_photo(photo: ByteArray, seen: VisibleFaces, settings: TextureSettings) -> PhotoSamples:
-    """Mean colour and burnt-out share of each face in a photo (H,W,3), at the scale of the faces."""
-    side = float(np.sqrt(np.median(triangle_areas(seen.uv))))
-    scale = float(np.clip(0.5 ** np.floor(np.log2(max(side, 1.0))), _SMALLEST, 1))
-    at = (seen.uv.mean(axis=1) + 0.5) * scale - 0.5
+def sample_photo(
+    photo: ByteArray, scale: float, seen: VisibleFaces, settings: TextureSettings
+) -> PhotoSamples:
+    """Mean colour and burnt-out share of each face in a photo (H,W,3) read at `scale`."""
+    side = scale * float(np.sqrt(np.median(triangle_areas(seen.uv))))
+    factor = float(np.clip(0.5 ** np.floor(np.log2(max(side, 1.0))), _SMALLEST, 1))
+    at = (seen.uv.mean(axis=1) + 0.5) * (scale * factor) - 0.5
     brightest = cv2.max(cv2.max(photo[..., 0], photo[..., 1]), photo[..., 2])
     burnt = cv2.threshold(brightest, settings.clipped_level - 1, 255, cv2.THRESH_BINARY)[1]
-    clipped = sample_image(_reduced(burnt, scale), at).astype(np.float32) / np.float32(255)
-    return PhotoSamples(sample_image(_reduced(photo, scale), at), clipped)
+    clipped = sample_image(_reduced(burnt, factor), at).astype(np.float32) / np.float32(255)
+    return PhotoSamples(sample_image(_reduced(photo, factor), at), clipped)
 
 
 def _reduced(image: AnyArray, scale: float) -> AnyArray:

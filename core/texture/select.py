@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import ArrayLike, FloatArray, IntArray
+from ..arrays import ArrayLike, ByteArray, Float32Array, FloatArray, IndexArray, IntArray
+from ..errors import TextureError
 from ..jobs import Job, Progress, drain, part
 from ..photos.view import View
 from ..settings import TextureSettings
-from .candidates import CandidateTable, candidate_cost
-from .gains import photo_gains
-from .images import check_views, read_photo, view_name
-from .samples import sample_photo
+from .agreement import PoseAgreement, compare_poses_job
+from .candidates import CandidateTable
+from .consistency import consensus, foreign_candidates
+from .focus import FocusModel, fit_focus
+from .gains import corrected_colours, photo_gains
+from .images import check_views, view_name
+from .labels import label_faces_job
 from .selection import Selection
 from .surface import Mesh, Surface
-from .visibility import project, triangle_areas, visible_faces
+from .survey import Survey, survey_photos_job
+from .visibility import project, triangle_areas
 
 
 def select_views(
@@ -25,9 +31,10 @@ def select_views(
     views: Sequence[View],
     settings: TextureSettings | None = None,
     occluders: Sequence[Mesh] = (),
+    priorities: Sequence[float] | None = None,
 ) -> Selection:
     """Run `select_views_job` to its end."""
-    return drain(select_views_job(vertices, faces, views, settings, occluders))
+    return drain(select_views_job(vertices, faces, views, settings, occluders, priorities))
 
 
 def select_views_job(
@@ -36,42 +43,149 @@ def select_views_job(
     views: Sequence[View],
     settings: TextureSettings | None = None,
     occluders: Sequence[Mesh] = (),
+    priorities: Sequence[float] | None = None,
 ) -> Job[Selection]:
     """Choose a photo for every face of a mesh: (V,3) m, (F,3) -> Selection.
 
-    `occluders` are meshes (vertices, faces) that hide the scan but get no texture. Photos are read one after
-    the other. Raises TextureError for a mesh or poses that cannot be used, PhotoError for a photo that is
-    missing, damaged or of another size than its camera. Source: method.md 4, Alg. 4.
+    `occluders` are meshes (vertices, faces) that hide the scan but get no texture. `priorities` prefer photos
+    by octaves of texel size (1: as if it were twice as fine); -inf leaves a photo out. Each photo is read
+    once. Raises TextureError for a mesh or poses that cannot be used, PhotoError for a photo that is missing,
+    damaged or of another size than its camera. Source: method.md 4, Alg. 4.
     """
     settings = settings or TextureSettings()
     check_views(views)
+    preference = _checked_priorities(priorities, len(views))
     yield Progress(0.0, "Sorting the scan")
     surface = Surface.from_mesh(vertices, faces, occluders)
-    table = yield from part(collect_candidates_job(surface, views, settings), 0.02, 0.8)
+    survey = yield from part(survey_photos_job(surface, views, preference, settings), 0.02, 0.6)
+    findings = yield from part(_judge_job(surface, views, survey, settings), 0.6, 0.75)
+    labels = label_faces_job(surface, survey.table, findings.colours, settings.smoothness)
+    view = yield from part(labels, 0.75, 0.95)
+    return (yield from part(_finish_job(surface, survey.table, views, view, findings), 0.95, 1.0))
+
+
+def _checked_priorities(priorities: Sequence[float] | None, count: int) -> list[float]:
+    if priorities is None:
+        return [0.0] * count
+    if len(priorities) != count or any(p != p or p == np.inf for p in priorities):
+        raise TextureError(f"There must be one priority for each of the {count} photos, a number or -inf.")
+    if all(p == -np.inf for p in priorities):
+        raise TextureError("All photos are left out: include at least one.")
+    return [float(p) for p in priorities]
+
+
+@dataclass(frozen=True, eq=False)
+class _Findings:
+    """What comparing the photos gave: gains (V,3), the candidates' colours (F,K,3), verdicts per photo."""
+
+    gain: FloatArray
+    colours: ByteArray
+    poses: list[PoseAgreement | None]
+    focus: list[FocusModel | None]
+    foreign: FloatArray
+
+
+def _judge_job(
+    surface: Surface, views: Sequence[View], survey: Survey, settings: TextureSettings
+) -> Job[_Findings]:
+    """Compare the photos with one another; candidates that do not hold leave the table or cost more."""
+    table = survey.table
+    poses: list[PoseAgreement | None] = [None] * len(views)
+    if settings.check_poses and len(views) > 2:
+        poses[:] = yield from part(compare_poses_job(surface, views, survey.previews, table), 0.0, 0.6)
+        for number, pose in enumerate(poses):
+            if pose is not None and pose.wrong:
+                table.drop(*table.of_view(number))
+    yield Progress(0.6, "Comparing the photos' colours")
     gain = np.ones((len(views), 3))
     if settings.equalise:
-        yield Progress(0.8, "Comparing the photos' colours")
         gain = photo_gains(table, len(views), settings.gain_anchor)
-    best = np.argmin(table.cost, axis=1)
-    view = np.take_along_axis(table.view, best[:, None], axis=1)[:, 0].astype(np.int32)
-    runner_up = _runner_up(table, view)
-    return (yield from part(_finish_job(surface, table, views, view, runner_up, gain), 0.9, 1.0))
+    focus: list[FocusModel | None] = [None] * len(views)
+    if settings.sharpness == "compared":
+        yield Progress(0.7, "Comparing the photos' sharpness")
+        focus[:] = fit_focus(survey.details, survey.scales)
+        _charge_blur(surface, table, views, focus)
+    yield Progress(0.8, "Comparing the photos' contents")
+    colours = corrected_colours(table, gain)
+    foreign = np.zeros(len(views))
+    if settings.reject_foreign and len(views) > 2:
+        foreign = _drop_foreign(table, views, colours)
+    return _Findings(gain, colours, poses, focus, foreign)
 
 
-def collect_candidates_job(
-    surface: Surface, views: Sequence[View], settings: TextureSettings
-) -> Job[CandidateTable]:
-    """Look at every photo once: which faces it sees, how well, and in which colour."""
-    table = CandidateTable(surface.face_count, min(settings.max_candidates, len(views)))
-    for number, view in enumerate(views):
-        yield Progress(number / len(views), f"Finding what {view_name(view, number)} sees")
-        seen = visible_faces(surface, view, settings)
-        if len(seen) == 0:
+def _charge_blur(
+    surface: Surface, table: CandidateTable, views: Sequence[View], focus: Sequence[FocusModel | None]
+) -> None:
+    """Add to each candidate's cost the octaves of resolution that the photo's blur takes at its distance."""
+    for number, model in enumerate(focus):
+        if model is None:
             continue
-        yield Progress((number + 0.4) / len(views), f"Reading {view_name(view, number)}")
-        samples = sample_photo(read_photo(view, number), seen, settings)
-        table.add(number, seen, candidate_cost(seen, samples.clipped, 0.0, settings), samples)
-    return table
+        face, slot = table.of_view(number)
+        distance = _distance(surface, views[number], face)
+        table.cost[face, slot] += model.lost_octaves(distance).astype(np.float32)
+
+
+def _distance(surface: Surface, view: View, face: IndexArray) -> Float32Array:
+    towards = surface.centroid[face] - (view.centre - surface.origin).astype(np.float32)
+    distance: Float32Array = np.sqrt(np.einsum("nk,nk->n", towards, towards))
+    return distance
+
+
+def _drop_foreign(table: CandidateTable, views: Sequence[View], colours: ByteArray) -> FloatArray:
+    """Empty the slots that show what other photos do not; -> share of each photo's faces (V,)."""
+    agreed = consensus(table, colours)
+    found = [foreign_candidates(table, colours, agreed, n, view.camera) for n, view in enumerate(views)]
+    total = np.bincount(table.view[table.filled], minlength=len(views))
+    for face, slot in found:
+        # Where all photos of a face were found foreign to one another, they stay.
+        left = np.count_nonzero(table.filled[face], axis=1) > 1
+        table.drop(face[left], slot[left])
+    share: FloatArray = np.array([len(face) for face, _ in found]) / np.maximum(total, 1)
+    return share
+
+
+def _finish_job(
+    surface: Surface, table: CandidateTable, views: Sequence[View], view: IntArray, findings: _Findings
+) -> Job[Selection]:
+    """Pixels of every face in its photo, and everything back in the caller's order."""
+    count = surface.face_count
+    uv = np.zeros((count, 3, 2))
+    texel, angle, blur = (np.full(count, np.nan, dtype=np.float32) for _ in range(3))
+    runner_up = _runner_up(table, view)
+    by_view = np.argsort(view, kind="stable")
+    bounds = np.searchsorted(view[by_view], np.arange(len(views) + 1))
+    for number, one in enumerate(views):
+        chosen = by_view[bounds[number] : bounds[number + 1]]
+        if len(chosen) == 0:
+            continue
+        yield Progress(number / len(views), "Laying the faces into the photos")
+        caller = surface.order[chosen]
+        corners = surface.vertices[surface.faces[chosen]].reshape(-1, 3)
+        uv[caller] = project(one, corners + surface.origin).reshape(-1, 3, 2)
+        texel[caller] = np.sqrt(surface.area[chosen] / triangle_areas(uv[caller]))
+        distance = _distance(surface, one, chosen)
+        towards = (one.centre - surface.origin).astype(np.float32) - surface.centroid[chosen]
+        cosine = np.abs(np.einsum("nk,nk->n", towards, surface.normal[chosen])) / distance
+        angle[caller] = np.degrees(np.arccos(np.clip(cosine, 0, 1)))
+        focus = findings.focus[number]
+        blur[caller] = focus.blur(distance) if focus is not None else np.nan
+    back = np.empty(count, dtype=np.int64)
+    back[surface.order] = np.arange(count)
+    return Selection(
+        view[back],
+        uv,
+        findings.gain,
+        runner_up[back],
+        table.seen_by[back].astype(np.int32),
+        texel,
+        angle,
+        blur,
+        np.array([view_name(one, number) for number, one in enumerate(views)]),
+        np.array([pose is not None and pose.wrong for pose in findings.poses]),
+        np.array([pose.shift if pose is not None else np.nan for pose in findings.poses]),
+        np.array([pose.matched if pose is not None else np.nan for pose in findings.poses]),
+        findings.foreign,
+    )
 
 
 def _runner_up(table: CandidateTable, view: IntArray) -> IntArray:
@@ -80,38 +194,3 @@ def _runner_up(table: CandidateTable, view: IntArray) -> IntArray:
     slot = np.argmin(cost, axis=1)
     rows = np.arange(len(view))
     return np.where(np.isfinite(cost[rows, slot]), table.view[rows, slot], -1).astype(np.int32)
-
-
-def _finish_job(
-    surface: Surface,
-    table: CandidateTable,
-    views: Sequence[View],
-    view: IntArray,
-    runner_up: IntArray,
-    gain: FloatArray,
-) -> Job[Selection]:
-    """Pixels of every face in its photo, and everything back in the caller's order."""
-    count = surface.face_count
-    uv = np.zeros((count, 3, 2))
-    texel = np.full(count, np.nan, dtype=np.float32)
-    angle = np.full(count, np.nan, dtype=np.float32)
-    faces_of = np.argsort(view, kind="stable")
-    bounds = np.searchsorted(view[faces_of], np.arange(len(views) + 1))
-    for number, one in enumerate(views):
-        chosen = faces_of[bounds[number] : bounds[number + 1]]
-        if len(chosen) == 0:
-            continue
-        yield Progress(number / len(views), "Laying the faces into the photos")
-        corners = project(one, surface.vertices[surface.faces[chosen]].reshape(-1, 3) + surface.origin)
-        pixels = corners.reshape(-1, 3, 2)
-        towards = one.centre - surface.origin - surface.centroid[chosen]
-        cosine = np.einsum("nk,nk->n", towards, surface.normal[chosen]) / np.linalg.norm(towards, axis=1)
-        caller = surface.order[chosen]
-        uv[caller] = pixels
-        texel[caller] = np.sqrt(surface.area[chosen] / triangle_areas(pixels))
-        angle[caller] = np.degrees(np.arccos(np.clip(np.abs(cosine), 0, 1)))
-    back = np.empty(count, dtype=np.int64)
-    back[surface.order] = np.arange(count)
-    return Selection(
-        view[back], uv, gain, runner_up[back], table.seen_by[back].astype(np.int32), texel, angle
-    )

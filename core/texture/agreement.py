@@ -1,0 +1,207 @@
+"""Do the poses agree? Small pieces of each photo are looked for in its neighbours, carried over by the scan.
+
+A photo whose pieces lie elsewhere in every neighbour is posed wrong; its shift in pixels is the pose error as
+it would show in the texture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ..arrays import BoolArray, ByteArray, Float32Array, FloatArray, IndexArray
+from ..jobs import Job, Progress
+from ..photos.view import View
+from .candidates import CandidateTable
+from .images import sample_image, view_name
+from .surface import Surface
+from .visibility import project
+
+PREVIEW_WIDTH = 800
+"""Width (pixels) of the reduced photos in which poses are compared."""
+_PARTNERS = 5
+_TILE = 33
+_SEARCH = 24
+"""Pixels of the preview in which a piece is looked for: about 2 degrees of a normal lens."""
+_TILES = 12
+_FACES = 40_000
+_MATCH = 0.65
+"""Normalised correlation from which a piece counts as found."""
+_LEAST_CONTRAST = 12.0
+_SCALE_RANGE = 2.5
+"""Pieces that another photo shows so many times smaller or larger, in any direction, are not compared."""
+_SMALLEST_SHIFT = 1.5
+"""Shift (preview pixels) that is never called a wrong pose: the scan's own roughness causes as much."""
+_TIMES_USUAL = 4.0
+"""A pose is wrong from so many times the usual shift."""
+
+
+@dataclass(frozen=True, eq=False)
+class Preview:
+    """A reduced grey photo and its scale."""
+
+    grey: ByteArray
+    scale: float
+
+    @classmethod
+    def of_photo(cls, photo: ByteArray, scale: float = 1.0) -> Preview:
+        """Reduce a photo (H,W,3), itself read at `scale`, to about `PREVIEW_WIDTH` pixels."""
+        factor = min(1.0, PREVIEW_WIDTH / max(photo.shape[:2]))
+        grey = cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY)
+        small = cv2.resize(grey, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
+        return cls(small.astype(np.uint8, copy=False), factor * scale)
+
+    def pixels(self, full: FloatArray) -> FloatArray:
+        """Pixels of the full photo in the preview."""
+        return (full + 0.5) * self.scale - 0.5
+
+
+@dataclass(frozen=True)
+class PoseAgreement:
+    """How a photo agrees with its neighbours.
+
+    `shift` is the median distance (pixels of the full photo) between where the pose puts a detail and where
+    it is, NaN where nothing could be compared; `matched` the share of pieces found; `wrong` the verdict.
+    """
+
+    shift: float
+    matched: float
+    wrong: bool
+
+
+def compare_poses_job(
+    surface: Surface, views: Sequence[View], previews: Sequence[Preview | None], table: CandidateTable
+) -> Job[list[PoseAgreement]]:
+    """Look for pieces of every photo in the photos that share most faces with it: -> [PoseAgreement]."""
+    shared = shared_faces(table, len(views))
+    shift, matched = np.full(len(views), np.nan), np.full(len(views), np.nan)
+    for number, (view, preview) in enumerate(zip(views, previews, strict=True)):
+        yield Progress(number / len(views), f"Checking the pose of {view_name(view, number)}")
+        partners = [int(j) for j in np.argsort(-shared[number], kind="stable") if shared[number, j] > 0]
+        if preview is None or not partners:
+            continue
+        tiles = _pieces(surface, view, preview)
+        results = [
+            _shift_between(tiles, surface, preview, views[j], previews[j]) for j in partners[:_PARTNERS]
+        ]
+        found = [(distance, share) for distance, share in results if np.isfinite(share)]
+        distances = [distance for distance, _ in found if np.isfinite(distance)]
+        if found:
+            matched[number] = np.median([share for _, share in found])
+        if distances:
+            # The lower median: a neighbour posed wrong must not condemn a photo that another confirms.
+            shift[number] = np.sort(distances)[(len(distances) - 1) // 2]
+    return _verdicts(shift, matched, previews)
+
+
+def shared_faces(table: CandidateTable, view_count: int) -> IndexArray:
+    """Number of (sampled) faces that two photos both see: (V,V), 0 on the diagonal."""
+    rows = table.view[:: max(1, len(table.view) // _FACES)].astype(np.int64)
+    count = np.zeros(view_count * view_count, dtype=np.int64)
+    for a in range(table.slots):
+        for b in range(table.slots):
+            both = (rows[:, a] >= 0) & (rows[:, b] >= 0) & (a != b)
+            count += np.bincount(rows[both, a] * view_count + rows[both, b], minlength=len(count))
+    return count.reshape(view_count, view_count)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pieces:
+    """Centres (T,2) preview pixels and the surface points (T,TILE*TILE,3) m, NaN off the surface."""
+
+    centre: IndexArray
+    points: FloatArray
+
+
+def _pieces(surface: Surface, view: View, preview: Preview) -> _Pieces:
+    """Squares of a photo with enough detail in every direction, and where they lie on the surface."""
+    half = _TILE // 2
+    margin = half + _SEARCH
+    rows, columns = preview.grey.shape
+    if min(rows, columns) <= 2 * margin + 2:
+        return _Pieces(np.zeros((0, 2), np.int64), np.zeros((0, _TILE * _TILE, 3)))
+    strength = cv2.cornerMinEigenVal(cv2.GaussianBlur(preview.grey, (0, 0), 1.5), _TILE)
+    u = np.linspace(margin, columns - 1 - margin, 8).astype(np.int64)
+    v = np.linspace(margin, rows - 1 - margin, 6).astype(np.int64)
+    centre = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+    order = np.argsort(-strength[centre[:, 1], centre[:, 0]], kind="stable")[:_TILES]
+    centre = centre[order]
+    du, dv = np.meshgrid(np.arange(-half, half + 1), np.arange(-half, half + 1))
+    pixel = centre[:, None] + np.stack([du.ravel(), dv.ravel()], axis=1)
+    full = (pixel.reshape(-1, 2) + 0.5) / preview.scale - 0.5
+    rays = view.camera.unproject(full) @ np.asarray(view.rotation)
+    hits = surface.caster.first_hit(view.centre - surface.origin, rays)
+    with np.errstate(invalid="ignore"):
+        points = view.centre + rays * hits.distance[:, None]
+    points[~np.isfinite(points).all(axis=1)] = np.nan
+    return _Pieces(centre, points.reshape(len(centre), -1, 3))
+
+
+def _shift_between(
+    pieces: _Pieces, surface: Surface, preview: Preview, other: View, other_preview: Preview | None
+) -> tuple[float, float]:
+    """Median shift (preview pixels) of the pieces in another photo, and the share found; NaN if none."""
+    if other_preview is None or len(pieces.centre) == 0:
+        return np.nan, np.nan
+    flat = pieces.points.reshape(-1, 3)
+    pixels = project(other, flat)
+    usable = other.camera.in_frame(pixels)
+    usable[usable] = ~surface.caster.occluded(other.centre - surface.origin, flat[usable] - surface.origin)
+    values = sample_image(other_preview.grey, np.nan_to_num(other_preview.pixels(pixels)))
+    usable = usable.reshape(len(pieces.centre), -1) & _comparable(pixels * other_preview.scale)[:, None]
+    values = values.reshape(len(pieces.centre), _TILE, _TILE)
+    whole = np.flatnonzero(usable.all(axis=1))
+    shifts = []
+    tried = 0
+    for tile in whole:
+        if values[tile].std() < _LEAST_CONTRAST / 2:
+            continue
+        tried += 1
+        distance = _found_at(preview.grey, pieces.centre[tile], values[tile])
+        if distance is not None:
+            shifts.append(distance)
+    if tried < 2:
+        return np.nan, np.nan
+    return (float(np.median(shifts)) if len(shifts) >= 2 else np.nan), len(shifts) / tried
+
+
+def _comparable(pixels: FloatArray) -> BoolArray:
+    """Pieces that the other photo shows about as large: (T*TILE*TILE,2) preview pixels -> (T,)."""
+    grid = pixels.reshape(-1, _TILE, _TILE, 2)
+    along = (grid[:, _TILE // 2, -1] - grid[:, _TILE // 2, 0]) / (_TILE - 1)
+    down = (grid[:, -1, _TILE // 2] - grid[:, 0, _TILE // 2]) / (_TILE - 1)
+    singular = np.linalg.svd(np.nan_to_num(np.stack([along, down], axis=1)), compute_uv=False)
+    comparable: BoolArray = (singular[:, 1] > 1 / _SCALE_RANGE) & (singular[:, 0] < _SCALE_RANGE)
+    return comparable
+
+
+def _found_at(grey: ByteArray, centre: IndexArray, piece: ByteArray) -> float | None:
+    """Distance (pixels) from `centre` at which `piece` is found in a photo, None if it is not."""
+    reach = _TILE // 2 + _SEARCH
+    u, v = int(centre[0]), int(centre[1])
+    window = grey[v - reach : v + reach + 1, u - reach : u + reach + 1]
+    score: Float32Array = cv2.matchTemplate(window, piece, cv2.TM_CCOEFF_NORMED).astype(np.float32)
+    row, column = np.unravel_index(int(np.argmax(score)), score.shape)
+    if score[row, column] < _MATCH:
+        return None
+    return float(np.hypot(row - _SEARCH, column - _SEARCH))
+
+
+def _verdicts(
+    shift: FloatArray, matched: FloatArray, previews: Sequence[Preview | None]
+) -> list[PoseAgreement]:
+    """Judge every photo by what is usual among all."""
+    usual = float(np.nanmedian(shift)) if np.isfinite(shift).any() else 0.0
+    usual_match = float(np.nanmedian(matched)) if np.isfinite(matched).any() else 0.0
+    limit = max(_SMALLEST_SHIFT, _TIMES_USUAL * usual)
+    agreements = []
+    for distance, share, preview in zip(shift, matched, previews, strict=True):
+        lost = bool(np.isfinite(share) and usual_match > 0.5 and share < 0.3 * usual_match)
+        scale = preview.scale if preview is not None else 1.0
+        agreements.append(
+            PoseAgreement(float(distance / scale), float(share), bool(distance > limit) or lost)
+        )
+    return agreements
