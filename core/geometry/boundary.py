@@ -8,17 +8,22 @@ from ..arrays import ArrayLike, FloatArray, IndexArray
 
 
 def boundary_edges(faces: ArrayLike) -> IndexArray:
-    """Directed edges (E,2) that belong to one face only, in the direction of that face: (F,3) -> (E,2).
+    """Directed edges (E,2) around a patch, in the direction of its faces: (F,3) -> (E,2).
 
-    Faces that occur twice count once; faces wound against their neighbours are turned first.
+    Faces that occur twice count once; faces wound against their neighbours are turned first. Where an edge
+    belongs to more than two faces, opposite directions cancel: what is left still closes into loops.
     """
     faces = _distinct(np.asarray(faces, dtype=np.int64).reshape(-1, 3))
     edges = _directed_edges(faces)
     if len(np.unique(_directed_key(edges))) < len(edges):
         edges = _directed_edges(wound_alike(faces))
-    _, first, count = np.unique(_directed_key(np.sort(edges, axis=1)), return_index=True, return_counts=True)
-    once: IndexArray = edges[np.sort(first[count == 1])]
-    return once
+    ascending = np.sort(edges, axis=1)
+    _, first, which = np.unique(_directed_key(ascending), return_index=True, return_inverse=True)
+    upward = np.where(edges[:, 0] < edges[:, 1], 1, -1)
+    net = np.bincount(which.reshape(-1), weights=upward).astype(np.int64)
+    around = np.where(net[:, None] > 0, ascending[first], ascending[first][:, ::-1])
+    left: IndexArray = np.repeat(around, np.abs(net), axis=0)
+    return left
 
 
 def _directed_key(edges: IndexArray) -> IndexArray:
