@@ -1,0 +1,161 @@
+"""What a report says: the numbers of a run, gathered and not yet formatted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..arrays import BoolArray, FloatArray
+from ..cameras.files.dictionary import camera_to_dict
+from ..geometry.rigid import camera_centre, rotation_angle
+from ..photos.photo import Photo
+from ..project.poses import PhotoPose
+from ..project.run import ProjectResult
+from ..project.textures import TexturedScan
+from ..regions.surface_region import SurfaceRegion
+from ..scans.scan import Scan
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """All that a report shows. Coordinates are local to the scan: world = local + `scan.offset`.
+
+    `poses` has one result per photo; `surfaces` are the scan's regions by name; `textured` is None when only
+    poses were solved. `versions` and `seconds` are shown as they are. `truth` gives known poses by the
+    photo's name, (rotation, translation) in world coordinates, where errors shall be shown.
+    """
+
+    title: str
+    scan: Scan
+    surfaces: Mapping[str, SurfaceRegion]
+    photos: Sequence[Photo]
+    poses: Sequence[PhotoPose]
+    textured: TexturedScan | None = None
+    written: str = ""
+    versions: Mapping[str, str] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    truth: Mapping[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class PhotoRow:
+    """The numbers of one photo; None where there is nothing to say.
+
+    `overlap_error` in percent, `rotation_sigma` and `rotation_error` in degrees, `centre_sigma` and
+    `centre_error` in mm, `area` in m², `texel_size` (median over the surface that uses the photo) in mm.
+    """
+
+    name: str
+    camera: str
+    body: str
+    status: str
+    regions: tuple[str, ...]
+    notes: tuple[str, ...]
+    failure: str = ""
+    overlap_error: float | None = None
+    rotation_sigma: float | None = None
+    centre_sigma: float | None = None
+    faces: int | None = None
+    area: float | None = None
+    texel_size: float | None = None
+    rotation_error: float | None = None
+    centre_error: float | None = None
+
+
+def project_report(
+    result: ProjectResult, truth: Mapping[str, tuple[FloatArray, FloatArray]] | None = None
+) -> Report:
+    """Return the report of a project's run; see `Report` for `truth`."""
+    record = result.provenance
+    versions = {key: value for key, value in record["versions"].items() if key != "code"}
+    return Report(
+        result.project.output.name,
+        result.scan,
+        result.surfaces,
+        result.photos,
+        result.poses,
+        result.textured,
+        record["written"],
+        versions,
+        result.seconds,
+        truth or {},
+    )
+
+
+def photo_rows(report: Report) -> list[PhotoRow]:
+    """Numbers of every photo, in the order of `report.photos`."""
+    areas = np.zeros(0) if report.textured is None else face_areas(report.textured)
+    return [_row(report, p, r, areas) for p, r in zip(report.photos, report.poses, strict=True)]
+
+
+def _row(report: Report, photo: Photo, result: PhotoPose, areas: FloatArray) -> PhotoRow:
+    pose = result.pose
+    known = pose is not None and not result.given
+    used = faces_of_photo(report.textured, photo.name)
+    rotation_error, centre_error = _errors(report, result)
+    return PhotoRow(
+        photo.name,
+        describe_camera(photo),
+        " ".join(text for text in (photo.exif.make, photo.exif.model) if text),
+        "given" if result.given else "solved" if result.solved else "ambiguous" if pose else "failed",
+        result.regions or tuple(mark.name for mark in photo.regions),
+        (*photo.notes, *result.notes),
+        result.failure,
+        result.overlap_error,
+        pose.rotation_sigma if known and pose else None,
+        1000 * pose.centre_sigma if known and pose else None,
+        None if used is None else int(used.sum()),
+        None if used is None else float(areas[used].sum()),
+        _texel_size(report.textured, used, areas),
+        rotation_error,
+        centre_error,
+    )
+
+
+def faces_of_photo(textured: TexturedScan | None, name: str) -> BoolArray | None:
+    """Faces (F,) that use a photo; None when it did not take part in texturing."""
+    if textured is None:
+        return None
+    numbers = [number for number, view in enumerate(textured.views) if view.name == name]
+    return np.isin(textured.selection.view, numbers) if numbers else None
+
+
+def _texel_size(textured: TexturedScan | None, used: BoolArray | None, areas: FloatArray) -> float | None:
+    """Median over the area, in mm."""
+    if textured is None or used is None or not used.any():
+        return None
+    size, area = textured.selection.texel_size[used], areas[used]
+    order = np.argsort(size)
+    middle = np.searchsorted(np.cumsum(area[order]), 0.5 * area.sum())
+    return 1000 * float(size[order][min(int(middle), len(order) - 1)])
+
+
+def _errors(report: Report, result: PhotoPose) -> tuple[float | None, float | None]:
+    """Error against the known pose: degrees, mm."""
+    pose = result.pose
+    if pose is None or result.photo not in report.truth:
+        return None, None
+    rotation, translation = (np.asarray(part, dtype=np.float64) for part in report.truth[result.photo])
+    true_centre = camera_centre(rotation, translation) - report.scan.offset
+    angle = float(np.degrees(rotation_angle(pose.rotation @ rotation.T)))
+    return angle, 1000 * float(np.linalg.norm(pose.centre - true_centre))
+
+
+def face_areas(textured: TexturedScan) -> FloatArray:
+    """Area of every face of a textured scan: (F,) m²."""
+    a, b, c = (textured.vertices[textured.faces[:, corner]] for corner in range(3))
+    areas: FloatArray = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return areas
+
+
+def describe_camera(photo: Photo) -> str:
+    """Model, size and focal length of a photo's camera, in words."""
+    camera = camera_to_dict(photo.camera)
+    text = f"{camera['model'].replace('_', ' ')}, {camera['width']} × {camera['height']}"
+    if "K" in camera:
+        text += f", f = {camera['K'][0][0]:.0f} px"
+    if photo.exif.focal_length:
+        text += f" ({photo.exif.focal_length:g} mm)"
+    return text

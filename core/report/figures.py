@@ -1,0 +1,149 @@
+"""Pictures of the report: photos with their regions, the model from two sides, maps."""
+
+from __future__ import annotations
+
+import colorsys
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ..arrays import ByteArray, FloatArray
+from ..cameras import Camera
+from ..errors import FrescoError
+from ..photos.image import read_image
+from ..photos.marks import RegionMark
+from ..photos.photo import Photo
+from ..pose import Pose
+from ..project.textures import TexturedScan
+from ..regions.image_region import ImageRegion
+from ..regions.surface_region import SurfaceRegion
+
+DRAWN = (240, 160, 0)
+PROJECTED = (40, 120, 255)
+PHOTO_WIDTH = 960
+_UNSEEN = (120, 120, 124)
+_SHIFT = 4
+_BOUNDARY_STEPS = 8
+_JPEG_QUALITY = 82
+
+
+@dataclass(frozen=True, eq=False)
+class FaceMap:
+    """A colour for every face, (F,3) uint8 RGB, and its legend.
+
+    `entries` are (colour, text) of single colours; `ends` the texts at the ends of the scale `scale` (N,3).
+    """
+
+    title: str
+    colours: ByteArray
+    entries: tuple[tuple[tuple[int, int, int], str], ...] = ()
+    scale: ByteArray | None = None
+    ends: tuple[str, str] = ("", "")
+
+
+def draw_photo(photo: Photo, pose: Pose | None, surfaces: Mapping[str, SurfaceRegion]) -> ByteArray:
+    """A photo, at most 960 px wide, with the regions drawn in it and the scan's regions projected into it."""
+    factor = min(1.0, PHOTO_WIDTH / photo.camera.width)
+    image = read_image(photo.path, factor)
+    camera = photo.camera.resized(image.shape[1], image.shape[0])
+    for mark in photo.regions:
+        loops = [_resized(loop, photo.camera, camera) for loop in _drawn_loops(mark, photo.camera)]
+        _outline(image, loops, DRAWN, 4)
+        if pose is not None and mark.name in surfaces:
+            _outline(image, projected_loops(camera, pose, surfaces[mark.name]), PROJECTED, 2)
+        if loops:
+            _label(image, mark.name, loops[0].mean(axis=0))
+    return image
+
+
+def projected_loops(camera: Camera, pose: Pose, surface: SurfaceRegion) -> list[FloatArray]:
+    """Boundary of a surface region in a photo: (n,2) pixels per visible run of its loops."""
+    runs = []
+    for loop in surface.loops:
+        share = np.arange(_BOUNDARY_STEPS)[:, None] / _BOUNDARY_STEPS
+        dense = (loop[:, None] * (1 - share) + np.roll(loop, -1, axis=0)[:, None] * share).reshape(-1, 3)
+        pixels = camera.project((dense - pose.centre) @ pose.rotation.T)
+        pixels = np.concatenate([pixels, pixels[:1]])
+        jump = np.linalg.norm(np.diff(pixels, axis=0), axis=1) > 0.25 * camera.width  # the seam of a panorama
+        breaks = np.flatnonzero(jump | ~np.isfinite(pixels).all(axis=1)[1:]) + 1
+        runs += [run[np.isfinite(run).all(axis=1)] for run in np.split(pixels, breaks)]
+    return [run for run in runs if len(run) > 1]
+
+
+def photo_map(textured: TexturedScan, names: list[str]) -> FaceMap:
+    """Which photo every face uses."""
+    palette = np.array([*(photo_colour(number) for number in range(len(names))), _UNSEEN], dtype=np.uint8)
+    view = textured.selection.view
+    shown = np.unique(view[view >= 0])
+    entries = [(photo_colour(int(number)), names[number]) for number in shown[:40]]
+    return FaceMap("Photo used", palette[view], (*entries, (_UNSEEN, "no photo")))
+
+
+def texel_map(textured: TexturedScan) -> FaceMap:
+    """Size of a photo's pixel on the surface, on a logarithmic scale."""
+    size = 1000 * textured.selection.texel_size.astype(np.float64)
+    seen = (textured.selection.view >= 0) & np.isfinite(size) & (size > 0)
+    low, high = np.percentile(size[seen], [2, 98]) if seen.any() else (1.0, 1.0)
+    high = max(high, low * 1.001)
+    share = np.zeros(len(size))
+    share[seen] = np.clip(np.log(size[seen] / low) / np.log(high / low), 0, 1)
+    scale = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[:, None], cv2.COLORMAP_VIRIDIS)[:, 0, ::-1]
+    colours = scale[np.rint(255 * share).astype(np.uint8)].astype(np.uint8)
+    colours[~seen] = _UNSEEN
+    ends = (f"{low:.2g} mm", f"{high:.2g} mm")
+    return FaceMap(
+        "Size of a photo pixel on the surface",
+        colours,
+        ((_UNSEEN, "no photo"),),
+        scale.astype(np.uint8),
+        ends,
+    )
+
+
+def photo_colour(number: int) -> tuple[int, int, int]:
+    """Colour of a photo in maps; neighbours in the list differ in hue by the golden angle."""
+    lightness = (0.55, 0.42, 0.68)[number % 3]
+    r, g, b = colorsys.hls_to_rgb((0.07 + 0.381966 * number) % 1.0, lightness, 0.62)
+    return round(255 * r), round(255 * g), round(255 * b)
+
+
+def jpeg(image: ByteArray) -> bytes:
+    """JPEG of an RGB picture."""
+    coded = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1]
+    return coded.tobytes()
+
+
+def _drawn_loops(mark: RegionMark, camera: Camera) -> list[FloatArray]:
+    """Outlines of a mark in the photo's own pixels; none when it cannot be read."""
+    if mark.outline is not None:
+        return [mark.outline, *mark.holes]
+    try:
+        mask = mark.read_mask(camera.width, camera.height)
+    except FrescoError:  # the pose stage has told the reason, which stands beside the picture
+        return []
+    return [] if mask is None else list(ImageRegion.from_mask(mask, mark.name).loops)
+
+
+def _resized(loop: FloatArray, full: Camera, small: Camera) -> FloatArray:
+    factor = np.array([small.width / full.width, small.height / full.height])
+    moved: FloatArray = (loop + 0.5) * factor - 0.5
+    return moved
+
+
+def _outline(image: ByteArray, loops: list[FloatArray], colour: tuple[int, int, int], width: int) -> None:
+    """Draw in place: a line of the given width with a dark rim of one pixel."""
+    points = [np.rint(np.clip(loop, -1e4, 1e4) * 2**_SHIFT).astype(np.int32) for loop in loops]
+    closed = width > 2  # drawn outlines are closed; projected runs repeat their first point where they are
+    for tone, thickness in (((0, 0, 0), width + 2), (colour, width)):
+        cv2.polylines(image, points, closed, tone, thickness, cv2.LINE_AA, _SHIFT)
+
+
+def _label(image: ByteArray, text: str, at: FloatArray) -> None:
+    """Write a name centred at a pixel; OpenCV's letters are plain ASCII, the page lists the full names."""
+    plain = text.encode("ascii", "replace").decode()
+    (width, height), _ = cv2.getTextSize(plain, cv2.FONT_HERSHEY_SIMPLEX, 0.6, 1)
+    place = (round(float(at[0]) - width / 2), round(float(at[1]) + height / 2))
+    for colour, thickness in (((0, 0, 0), 4), ((255, 255, 255), 1)):
+        cv2.putText(image, plain, place, cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, thickness, cv2.LINE_AA)

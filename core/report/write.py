@@ -1,0 +1,102 @@
+"""Writing the report: one HTML file that holds its pictures, to be mailed and archived as it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..arrays import ByteArray, FloatArray, IntArray
+from ..files import replacing
+from ..jobs import Job, Progress, drain, part
+from ..project.run import ProjectResult
+from ..project.textures import TexturedScan
+from ..texture.render import shade_clay, shade_faces, shade_textured_job, trace_pixels_job
+from .content import Report, photo_rows, project_report
+from .figures import FaceMap, draw_photo, jpeg, photo_map, texel_map
+from .page import Figure, page
+from .viewpoint import Viewpoint, facing, two_viewpoints
+
+
+@dataclass(frozen=True, eq=False)
+class _FacesShown:
+    """Photo and UVs of the faces that a picture shows; see `TexturedFaces`."""
+
+    view: IntArray
+    uv: FloatArray
+    gain: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Pictures:
+    """Figures of the page, in its order."""
+
+    photos: list[Figure]
+    model: list[Figure]
+    maps: list[Figure]
+
+
+def write_report_job(result: ProjectResult | Report, path: Path | str) -> Job[Path]:
+    """Write the report of a run to one HTML file that needs nothing beside it; return its path.
+
+    Raises PhotoError for a photo that cannot be read any more, OutputError when the file cannot be written.
+    """
+    report = result if isinstance(result, Report) else project_report(result)
+    pictures = yield from part(_pictures_job(report), 0.0, 0.95)
+    yield Progress(0.95, "Writing the report")
+    text = page(report, photo_rows(report), pictures.photos, pictures.model, pictures.maps)
+    with replacing(path) as file:
+        file.write(text.encode())
+    return Path(path)
+
+
+def write_report(result: ProjectResult | Report, path: Path | str) -> Path:
+    """Run `write_report_job` to its end."""
+    return drain(write_report_job(result, path))
+
+
+def _pictures_job(report: Report) -> Job[_Pictures]:
+    photos = []
+    for number, (photo, result) in enumerate(zip(report.photos, report.poses, strict=True)):
+        yield Progress(0.4 * number / len(report.photos), f"Drawing the regions of {photo.name}")
+        image = draw_photo(photo, result.pose, report.surfaces)
+        photos.append(Figure(jpeg(image), image.shape[1], image.shape[0], photo.name))
+    if report.textured is None:
+        return _Pictures(photos, [], [])
+    model, maps = yield from part(_model_job(report.textured), 0.4, 1.0)
+    return _Pictures(photos, model, maps)
+
+
+def _model_job(textured: TexturedScan) -> Job[tuple[list[Figure], list[Figure]]]:
+    """Pictures of the textured model from two sides, and the maps from the first."""
+    used = textured.selection.view >= 0
+    centres = textured.vertices[textured.faces[used]].mean(axis=1)
+    viewpoints = two_viewpoints(centres if used.any() else textured.vertices, textured.views)
+    names = [view.name for view in textured.views]
+    model: list[Figure] = []
+    maps: list[Figure] = []
+    for number, viewpoint in enumerate(viewpoints):
+        wanted = [photo_map(textured, names), texel_map(textured)] if number == 0 else []
+        pictures = yield from part(_side_job(textured, viewpoint, wanted), number / 2, (number + 1) / 2)
+        model += pictures[: 2 - number]
+        maps += pictures[2 - number :]
+    return model, maps
+
+
+def _side_job(textured: TexturedScan, viewpoint: Viewpoint, wanted: list[FaceMap]) -> Job[list[Figure]]:
+    """One side: plain scan (only where maps are wanted too), textured model, maps."""
+    front = facing(textured.vertices, textured.faces, viewpoint)
+    vertices, faces = textured.vertices, textured.faces[front]
+    tracing = trace_pixels_job(viewpoint.camera, viewpoint.rotation, viewpoint.translation, vertices, faces)
+    hits = yield from part(tracing, 0.0, 0.6, f"The model {viewpoint.name}: ")
+    selection = textured.selection
+    chosen = _FacesShown(selection.view[front], selection.uv[front], selection.gain)
+    shading = shade_textured_job(hits, vertices, faces, chosen, textured.views)
+    picture = yield from part(shading, 0.6, 0.9, f"The model {viewpoint.name}: ")
+    images: list[tuple[ByteArray, str, FaceMap | None]] = [
+        (picture.image, f"Textured, {viewpoint.name}", None)
+    ]
+    if wanted:
+        images.insert(0, (shade_clay(hits, vertices, faces), f"The scan, {viewpoint.name}", None))
+    images += [(shade_faces(hits, vertices, faces, m.colours[front]), m.title, m) for m in wanted]
+    yield Progress(0.95, "Encoding pictures")
+    return [Figure(jpeg(i), i.shape[1], i.shape[0], title, legend) for i, title, legend in images]
