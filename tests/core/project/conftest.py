@@ -74,3 +74,102 @@ def folder(tmp_path):
             write_image(folder / "maszkok" / name / f"{region}.png", mask)
     (folder / "terv.toml").write_text(PROJECT, encoding="utf-8")
     return folder
+
+
+CORNER = """
+fresco = 1
+[scan]
+path = "scan.ply"
+[regions]
+labels = "labels.npy"
+names = { tall = 1, wide = 2, small = 3 }
+[[camera]]
+focal = 390
+[[photo]]
+path = "photos/*.png"
+regions = "masks/{photo}/{region}.png"
+[output]
+folder = "out"
+"""
+REGIONS = {  # wall, then from and to along the wall and in height, in cells of 0.2 m
+    "tall": (0, (2, 3), (6, 13)),
+    "wide": (1, (2, 8), (10, 12)),
+    "small": (0, (8, 4), (12, 7)),
+}
+FOCAL = 390
+CELL, LENGTH, TALL = 0.2, 20, 15
+SIZE = (480, 360)
+
+
+def corner_scan():
+    """Two walls that meet at x = y = 0, seen from positive x and y: vertices (m), faces, label per face."""
+    vertices, faces, labels = [], [], []
+    for wall in (0, 1):
+        along, up = np.meshgrid(np.arange(LENGTH + 1), np.arange(TALL + 1), indexing="ij")
+        flat = np.zeros(along.size)
+        xyz = [along.ravel() * CELL, flat, up.ravel() * CELL]
+        vertices.append(np.stack(xyz if wall == 0 else [xyz[1], xyz[0], xyz[2]], axis=1))
+        i = (np.arange(LENGTH)[:, None] * (TALL + 1) + np.arange(TALL)).ravel()
+        a, b, c, d = i, i + TALL + 1, i + TALL + 2, i + 1
+        ring = np.concatenate([np.stack([a, c, b], 1), np.stack([a, d, c], 1)])
+        ring = ring if wall == 0 else ring[:, ::-1]
+        faces.append(ring + wall * len(vertices[0]))
+        middle = vertices[-1][ring].mean(axis=1)[:, [wall, 2]] / CELL
+        label = np.zeros(len(ring), dtype=np.int16)
+        for number, (where, low, high) in enumerate(REGIONS.values(), 1):
+            if where == wall:
+                label[((middle > low) & (middle < high)).all(axis=1)] = number
+        labels.append(label)
+    return np.concatenate(vertices), np.concatenate(faces), np.concatenate(labels)
+
+
+def corner_photo(eye, target):
+    """Rotation, translation, colours (H,W,3) and region masks of a photo of the corner."""
+    forward = np.subtract(target, eye) / np.linalg.norm(np.subtract(target, eye))
+    right = np.cross(forward, [0, 0, 1.0])
+    right /= np.linalg.norm(right)
+    rotation = np.stack([right, np.cross(forward, right), forward])
+    width, height = SIZE
+    u, v = np.meshgrid(np.arange(width), np.arange(height))
+    rays = (
+        np.stack([(u - (width - 1) / 2) / FOCAL, (v - (height - 1) / 2) / FOCAL, np.ones_like(u)], axis=-1)
+        @ rotation
+    )
+    distance = np.stack(
+        [np.where(rays[..., 1 - w] < 0, -eye[1 - w] / rays[..., 1 - w], np.inf) for w in (0, 1)]
+    )
+    wall = np.argmin(distance, axis=0)
+    points = np.asarray(eye) + rays * distance.min(axis=0)[..., None]
+    along = np.where(wall == 0, points[..., 0], points[..., 1]) / CELL
+    up = points[..., 2] / CELL
+    wave = np.sin(0.9 * along + wall)[..., None] * np.cos([0.5 * up, 0.7 * up, 0.9 * up]).transpose(1, 2, 0)
+    rgb = np.clip(130 + 90 * wave, 0, 255).astype(np.uint8)
+    masks = {
+        name: (wall == w) & (along > low[0]) & (along < high[0]) & (up > low[1]) & (up < high[1])
+        for name, (w, low, high) in REGIONS.items()
+    }
+    return rotation, -rotation @ np.asarray(eye), rgb, masks
+
+
+EYES = {"A": (3.6, 4.4, 1.5), "B": (4.6, 3.4, 1.7), "C": (2.9, 5.0, 1.2)}
+
+
+@pytest.fixture
+def corner(tmp_path):
+    """Return a function that writes the corner project, moved by an offset (m): project file and true poses."""
+
+    def write(offset=(0.0, 0.0, 0.0), folder=tmp_path / "Sarok, mérés 1"):
+        vertices, faces, labels = corner_scan()
+        write_scan(folder / "scan.ply", vertices + np.asarray(offset), faces)
+        np.save(folder / "labels.npy", labels)
+        truth = {}
+        for name, eye in EYES.items():
+            rotation, translation, rgb, masks = corner_photo(eye, (0.9, 0.9, 1.5))
+            write_image(folder / "photos" / f"{name}.png", rgb[:, :, ::-1])
+            for region, mask in masks.items():
+                write_image(folder / "masks" / name / f"{region}.png", mask.astype(np.uint8) * 255)
+            truth[name] = rotation, translation - rotation @ np.asarray(offset)
+        (folder / "project.toml").write_text(CORNER, encoding="utf-8")
+        return folder / "project.toml", truth
+
+    return write
