@@ -21,6 +21,9 @@ class Camera(ABC):
     width: int
     height: int
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.width} x {self.height})"
+
     @abstractmethod
     def unproject(self, pixels: ArrayLike) -> FloatArray:
         """Unit viewing rays of pixels: (N,2) -> (N,3) camera frame, NaN rows outside the model's field."""

@@ -26,8 +26,11 @@ FAR = 1e8
 _DIRECTIONS = 64
 _TABLE_SIZE = 1025
 _NEWTON_STEPS = 60
-_NEWTON_RESIDUAL = 2e-14
-_NEWTON_SMALLEST = 1e-15
+_START = 0.98
+_LAST_STEP = 1e-10
+_RESIDUAL = 2e-15
+_CHUNK = 1 << 15
+"""Points worked on together: small enough for the processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -100,9 +103,9 @@ class Distortion:
         low, high = 0.0, float(np.arctan(upper))
         for _ in range(5):  # every pass narrows the interval 255 times
             radii = np.tan(np.linspace(low, high, 256))[:, None]
-            j = self.jacobian(radii * np.cos(directions), radii * np.sin(directions))
-            a, b, d = j[..., 0, 0], (j[..., 0, 1] + j[..., 1, 0]) / 2, j[..., 1, 1]
-            mean, half = (a + d) / 2, np.hypot((a - d) / 2, b)
+            with np.errstate(all="ignore"):  # a pole may be at the end of the interval
+                j = self.jacobian(radii * np.cos(directions), radii * np.sin(directions))
+                mean, half = (j[0] + j[3]) / 2, np.hypot((j[0] - j[3]) / 2, (j[1] + j[2]) / 2)
             folded = np.flatnonzero(~np.all(mean > half, axis=1))
             if folded.size == 0:
                 return float(np.tan(high))
@@ -130,71 +133,85 @@ class Distortion:
             yd += r2 * (s3 + s4 * r2)
         return xd, yd
 
-    def jacobian(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Derivative of `apply`: (...), (...) -> (...,2,2); also defined outside the disk."""
+    def jacobian(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Derivatives of `apply`, also outside the disk: d x_d/dx, d x_d/dy, d y_d/dx, d y_d/dy (...)."""
         r2 = x * x + y * y
-        n, d = series(self.radial, r2), series(self.denominator, r2)
-        gain = n / d
-        slope = 2 * (series_slope(self.radial, r2) - gain * series_slope(self.denominator, r2)) / d
-        p1, p2 = self.tangential
+        gain = series(self.radial, r2)
+        bend = series_slope(self.radial, r2)
+        if self.denominator:
+            d = series(self.denominator, r2)
+            gain = gain / d
+            bend = (bend - gain * series_slope(self.denominator, r2)) / d
+        xx, mixed, yy = gain + 2 * bend * x * x, 2 * bend * x * y, gain + 2 * bend * y * y
+        if any(self.tangential):
+            p1, p2 = self.tangential
+            along = 2 * (p2 * x + p1 * y)  # derivative of P r^2 + 2 (P . x) x with P = (p2, p1)
+            xx, yy = xx + along + 4 * p2 * x, yy + along + 4 * p1 * y
+            mixed = mixed + 2 * (p1 * x + p2 * y)
+        if not any(self.prism):
+            return xx, mixed, mixed, yy
         s1, s2, s3, s4 = self.prism
         prism_x, prism_y = 2 * s1 + 4 * s2 * r2, 2 * s3 + 4 * s4 * r2
-        mixed = slope * x * y + 2 * (p1 * x + p2 * y)
-        out = np.empty((*x.shape, 2, 2))
-        out[..., 0, 0] = gain + slope * x * x + 2 * p1 * y + 6 * p2 * x + prism_x * x
-        out[..., 0, 1] = mixed + prism_x * y
-        out[..., 1, 0] = mixed + prism_y * x
-        out[..., 1, 1] = gain + slope * y * y + 6 * p1 * y + 2 * p2 * x + prism_y * y
-        return out
+        return xx + prism_x * x, mixed + prism_x * y, mixed + prism_y * x, yy + prism_y * y
 
     def undo(self, xd: FloatArray, yd: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Undistort points of the plane: inverse of `apply`, NaN where no point of the disk is mapped there.
 
         Newton's method, in one dimension where the distortion is radial; residuals end at rounding error.
         """
-        rd = np.hypot(xd, yd)
-        r = self._inverse(rd) if self.is_radial else self._inverse.start(rd)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            gain = np.where(rd > 0, r / rd, 1.0)
-        if self.is_radial:
-            return xd * gain, yd * gain
-        return self._undo_newton(xd, yd, xd * gain, yd * gain)
-
-    def _undo_newton(
-        self, xd: FloatArray, yd: FloatArray, x: FloatArray, y: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Undistort (xd, yd) by Newton's method in two dimensions, starting at (x, y)."""
         shape = xd.shape
-        xd, yd, x, y = xd.ravel(), yd.ravel(), x.ravel(), y.ravel()
-        x_out, y_out = np.full(x.shape, np.nan), np.full(y.shape, np.nan)
-        todo = np.flatnonzero(np.hypot(xd, yd) <= self._reach)
-        xd, yd, x, y = xd[todo], yd[todo], x[todo], y[todo]
+        xd, yd = xd.ravel(), yd.ravel()
+        x, y = np.empty_like(xd), np.empty_like(yd)
+        solve = self._undo_radial if self.is_radial else self._undo_newton
+        for start in range(0, xd.size, _CHUNK):
+            part = slice(start, start + _CHUNK)
+            x[part], y[part] = solve(xd[part], yd[part])
+        return x.reshape(shape), y.reshape(shape)
+
+    def _undo_radial(self, xd: FloatArray, yd: FloatArray) -> tuple[FloatArray, FloatArray]:
+        rd = np.sqrt(xd * xd + yd * yd)
+        gain = np.divide(self._inverse(rd), rd, out=np.ones(rd.shape), where=~(rd <= 0))
+        return xd * gain, yd * gain
+
+    def _undo_newton(self, xd: FloatArray, yd: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Undistort (N,), (N,) in two dimensions, starting from the inverse of the radial part."""
+        rd = np.sqrt(xd * xd + yd * yd)
+        x_out, y_out = np.full(xd.shape, np.nan), np.full(yd.shape, np.nan)
+        todo = np.flatnonzero(rd <= self._reach)
+        xd, yd, rd = xd[todo], yd[todo], rd[todo]
+        # From inside a fold Newton's method walks up to it, from its very rim it may leap anywhere.
+        start = np.minimum(self._inverse.start(rd), _START * self.limit)
+        gain = np.divide(start, rd, out=np.ones(rd.shape), where=rd > 0)
+        x, y = xd * gain, yd * gain
         for _ in range(_NEWTON_STEPS):
             if todo.size == 0:
                 break
-            done, x_new, y_new = self._newton_step(x, y, xd, yd)
+            done, x, y = self._newton_step(x, y, xd, yd)
             x_out[todo[done]], y_out[todo[done]] = x[done], y[done]
             left = ~done
-            todo, xd, yd, x, y = todo[left], xd[left], yd[left], x_new[left], y_new[left]
-        return x_out.reshape(shape), y_out.reshape(shape)
+            todo, xd, yd, x, y = todo[left], xd[left], yd[left], x[left], y[left]
+        return x_out, y_out
 
     def _newton_step(
         self, x: FloatArray, y: FloatArray, xd: FloatArray, yd: FloatArray
     ) -> tuple[BoolArray, FloatArray, FloatArray]:
-        """Return which points are at their goal already, and all points one step nearer."""
+        """Return whether this step was the last one, and the points after it."""
         xe, ye = self.apply(x, y)
-        j = self.jacobian(x, y)
+        a, b, c, d = self.jacobian(x, y)
         ex, ey = xd - xe, yd - ye
         with np.errstate(invalid="ignore", divide="ignore"):
-            det = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
-            dx, dy = (j[:, 1, 1] * ex - j[:, 0, 1] * ey) / det, (j[:, 0, 0] * ey - j[:, 1, 0] * ex) / det
-            # Near a fold the step stays large, near a pole the residual: either may tell that all is said.
-            done: BoolArray = np.hypot(ex, ey) <= _NEWTON_RESIDUAL * (1 + np.hypot(xd, yd))
-            done |= np.hypot(dx, dy) <= _NEWTON_SMALLEST * (1 + np.hypot(x, y))
-            x_new, y_new = x + dx, y + dy
+            det = a * d - b * c
+            x_new, y_new = x + (d * ex - b * ey) / det, y + (a * ey - c * ex) / det
+            # At a fold the step means nothing any more, but the residual tells that the point is found.
+            found = ex * ex + ey * ey <= _RESIDUAL**2 * (1 + xd * xd + yd * yd)
+            x_new, y_new = np.where(found, x, x_new), np.where(found, y, y_new)
+            r2, r2_new = x * x + y * y, x_new * x_new + y_new * y_new
+            inside = r2_new < self.limit**2
+            # Newton squares a step: the next one would be lost in rounding.
+            step2 = (x_new - x) ** 2 + (y_new - y) ** 2
+            done: BoolArray = inside & (found | (step2 <= _LAST_STEP**2 * (1 + r2_new)))
             # A step out of the disk goes only half of the way to its rim.
-            r, r_new = np.hypot(x, y), np.hypot(x_new, y_new)
-            shrink = np.where(r_new < self.limit, 1.0, (r + self.limit) / 2 / r_new)
+            shrink = np.where(inside, 1.0, (np.sqrt(r2) + self.limit) / 2 / np.sqrt(r2_new))
         return done, x_new * shrink, y_new * shrink
 
     @cached_property
@@ -250,14 +267,21 @@ def first_fold(radial: tuple[float, ...], denominator: tuple[float, ...]) -> flo
     n, d = np.array([1.0, *radial]), np.array([1.0, *denominator])
     # The slope has, with s = r^2, the sign of (N + 2 s N') D - 2 N s D'; s N' has terms i n_i.
     slope = np.convolve(n * (1 + 2 * np.arange(n.size)), d) - 2 * np.convolve(n, d * np.arange(d.size))
-    return float(np.sqrt(min(first_positive_root(slope), first_positive_root(d))))
+    root = np.sqrt(min(first_positive_root(slope), first_positive_root(d)))
+    # The root is known to rounding only: step back until the function certainly grows there.
+    for back in 10.0 ** np.arange(-13, -5):
+        limit = float(root * (1 - back))
+        if not np.isfinite(limit) or min(np.polyval(p[::-1], limit**2) for p in (slope, d)) > 0:
+            break
+    return limit
 
 
 def first_positive_root(coefficients: FloatArray) -> float:
-    """Smallest positive real root of a polynomial (constant first), infinite if it has none."""
-    roots = np.roots(coefficients[::-1])
-    real = roots.real[(np.abs(roots.imag) <= 1e-9 * np.abs(roots)) & (roots.real > 0)]
-    return float(real.min()) if real.size else np.inf
+    """Smallest positive real root of a polynomial (constant first, not zero), infinite if it has none."""
+    # Backwards the polynomial has the inverse roots: the wanted one is then the largest, the one known best.
+    inverse = np.roots(coefficients)
+    real = inverse.real[(np.abs(inverse.imag) <= 1e-9 * np.abs(inverse)) & (inverse.real > 0)]
+    return float(1 / real.max()) if real.size else np.inf
 
 
 NO_DISTORTION = Distortion()

@@ -47,8 +47,8 @@ class EquirectangularCamera(Camera):
         self.offset = _pair(offset)
         if min(self.full_size) <= 0:
             raise CameraError("The whole panorama must have a positive size.")
-        slack = 0.5  # a photo resized by any factor has a rounded size
-        if self.height > self.full_size[1] + slack or self.width > self.full_size[0] + slack:
+        # A photo resized by any factor has a rounded size, so a little more than the whole is allowed.
+        if self.width > 1.01 * self.full_size[0] + 1 or self.height > 1.01 * self.full_size[1] + 1:
             raise CameraError("The photo is larger than the whole panorama it is said to be a part of.")
 
     @property

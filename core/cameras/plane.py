@@ -71,16 +71,24 @@ class PlaneCamera(Camera):
         gain, slope_s, slope_z = self._gain_with_slopes(points)
         x, y = big_x * gain, big_y * gain
         mixed = 2 * big_x * big_y * slope_s
+        dx = (gain + 2 * big_x * big_x * slope_s, mixed, big_x * slope_z)
+        dy = (mixed, gain + 2 * big_y * big_y * slope_s, big_y * slope_z)
         jacobian = np.empty((*x.shape, 2, 3))
-        jacobian[..., 0, 0], jacobian[..., 0, 1] = gain + 2 * big_x**2 * slope_s, mixed
-        jacobian[..., 1, 0], jacobian[..., 1, 1] = mixed, gain + 2 * big_y**2 * slope_s
-        jacobian[..., 0, 2], jacobian[..., 1, 2] = big_x * slope_z, big_y * slope_z
-        outer = self.K[:2, :2]
-        if not self.distortion.is_zero:
-            outer = outer @ self.distortion.jacobian(x, y)
+        (fx, skew, _), (_, fy, _) = self.K[0], self.K[1]
+        if self.distortion.is_zero:
+            for axis in range(3):
+                jacobian[..., 0, axis] = fx * dx[axis] + skew * dy[axis]
+                jacobian[..., 1, axis] = fy * dy[axis]
+        else:
+            a, b, c, d = self.distortion.jacobian(x, y)
+            a, b, c, d = fx * a + skew * c, fx * b + skew * d, fy * c, fy * d
+            for axis in range(3):
+                jacobian[..., 0, axis] = a * dx[axis] + b * dy[axis]
+                jacobian[..., 1, axis] = c * dx[axis] + d * dy[axis]
         pixels = self._plane_to_pixels(x, y)
-        jacobian = outer @ jacobian
-        jacobian[np.isnan(pixels[..., 0])] = np.nan
+        unseen = np.isnan(pixels[..., 0])
+        if unseen.any():
+            jacobian[unseen] = np.nan
         return pixels, jacobian
 
     def unproject(self, pixels: ArrayLike) -> FloatArray:

@@ -51,3 +51,8 @@ CAMERAS = {
 @pytest.fixture(params=CAMERAS)
 def any_camera(request):
     return CAMERAS[request.param]
+
+
+@pytest.fixture(scope="session")
+def any_camera_for_properties():
+    return tuple(CAMERAS.values())
