@@ -22,7 +22,7 @@ h2 { font: 600 1.3rem/1.2 Georgia, "Noto Serif", serif; margin: 2.6rem 0 .8rem; 
 p { margin: .4rem 0; max-width: 46rem; }
 .soft, caption, figcaption { color: var(--soft); }
 .facts {
-  display: grid; grid-template-columns: repeat(auto-fit, minmax(8.5rem, 1fr)); gap: .6rem; margin: 1.4rem 0;
+  display: grid; grid-template-columns: repeat(auto-fill, minmax(13rem, 1fr)); gap: .6rem; margin: 1.4rem 0;
   padding: 0;
 }
 .facts div { background: var(--panel); border-radius: .4rem; padding: .6rem .8rem; }
@@ -33,7 +33,7 @@ caption { text-align: left; padding-bottom: .5rem; }
 th, td { padding: .35rem .55rem; border-bottom: 1px solid var(--line); text-align: left; }
 td, tbody th { vertical-align: top; }
 thead th { border-bottom: 2px solid var(--ink); font-weight: 600; vertical-align: bottom; }
-tbody th { font-weight: 600; overflow-wrap: anywhere; }
+tbody th { font-weight: 600; overflow-wrap: break-word; min-width: 6rem; max-width: 14rem; }
 .number { text-align: right; white-space: nowrap; }
 .wide { overflow-x: auto; }
 .solved, .given { color: var(--good); } .ambiguous { color: var(--warn); } .failed { color: var(--bad); }

@@ -27,11 +27,13 @@ class Viewpoint:
     translation: FloatArray
 
 
-def two_viewpoints(points: ArrayLike, views: Sequence[View]) -> tuple[Viewpoint, Viewpoint]:
+def two_viewpoints(
+    vertices: ArrayLike, faces: ArrayLike, views: Sequence[View]
+) -> tuple[Viewpoint, Viewpoint]:
     """Two places that see what the photos see, from its left and from its right.
 
-    `points` (N,3) m is the surface to be in the frame; a few outliers do not count. Photos that look all
-    around are in the middle of a room: then the second place looks the other way.
+    The `faces` (F,3) of `vertices` (V,3) m that turn to a place are in its frame, but for a few outliers.
+    Photos that look all around are in the middle of a room: then the second place looks the other way.
     """
     rotations = np.array([view.rotation for view in views])
     up = _upright(-rotations[:, 1].mean(axis=0))
@@ -39,15 +41,23 @@ def two_viewpoints(points: ArrayLike, views: Sequence[View]) -> tuple[Viewpoint,
     level = forward - up * (forward @ up)
     if np.linalg.norm(level) < 0.1:  # all around, or straight up or down: any side is as good
         level = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
-    turns = (-_TURN, _TURN) if np.linalg.norm(forward) > 0.4 else (-_TURN, np.pi - _TURN)
-    names = (
-        ("from the left", "from the right") if turns[1] == _TURN else ("from one side", "from the other side")
-    )
+    one_sided = bool(np.linalg.norm(forward) > 0.4)
+    turns = (-_TURN, _TURN if one_sided else np.pi - _TURN)
+    names = ("from the left", "from the right") if one_sided else ("from one side", "from the other side")
     left, right = (
-        _looking(np.asarray(points, dtype=np.float64), exp_so3(turn * up) @ level, up, name)
+        _framed(vertices, faces, exp_so3(turn * up) @ level, up, name)
         for turn, name in zip(turns, names, strict=True)
     )
     return left, right
+
+
+def _framed(vertices: ArrayLike, faces: ArrayLike, level: FloatArray, up: FloatArray, name: str) -> Viewpoint:
+    """Look at all faces, then again at those alone that turn to the viewer."""
+    triangles = np.asarray(faces)
+    centres = np.asarray(vertices, dtype=np.float64)[triangles].mean(axis=1)
+    viewpoint = _looking(centres, level, up, name)
+    front = facing(vertices, triangles, viewpoint)
+    return viewpoint if len(front) == 0 else _looking(centres[front], level, up, name)
 
 
 def facing(vertices: ArrayLike, faces: ArrayLike, viewpoint: Viewpoint) -> IntArray:
@@ -78,10 +88,12 @@ def _looking(points: FloatArray, level: FloatArray, up: FloatArray, name: str) -
     right = np.cross(forward, up)
     right /= np.linalg.norm(right)
     rotation = np.array([right, np.cross(forward, right), forward])
-    low, high = np.percentile(points @ rotation.T, [1, 99], axis=0)
-    middle, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), 1e-3)
+    local = points @ rotation.T
+    local = local - 0.5 * (np.percentile(local, 1, axis=0) + np.percentile(local, 99, axis=0))
     focal = 0.5 * WIDTH / np.tan(_HALF_FIELD)
-    distance = 1.06 * focal * max(half[0] / (0.5 * WIDTH), half[1] / (0.5 * HEIGHT)) + half[2]
+    # A point at (x, y, z) is in the frame from the distance |x| focal / half the width - z on; so for y.
+    needed = np.abs(local[:, :2]) * focal / (0.5 * np.array([WIDTH, HEIGHT])) - local[:, 2:]
+    distance = 1.04 * float(np.percentile(needed.max(axis=1), 99)) + 1e-3
     matrix = np.array([[focal, 0, (WIDTH - 1) / 2], [0, focal, (HEIGHT - 1) / 2], [0, 0, 1]])
-    translation = np.array([0.0, 0.0, distance]) - middle
+    translation = local[0] - rotation @ points[0] + (0.0, 0.0, distance)
     return Viewpoint(name, PerspectiveCamera(WIDTH, HEIGHT, matrix), rotation, translation)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from ..arrays import ByteArray, FloatArray, IntArray
 from ..files import replacing
 from ..jobs import Job, Progress, drain, part
@@ -67,23 +69,26 @@ def _pictures_job(report: Report) -> Job[_Pictures]:
 
 
 def _model_job(textured: TexturedScan) -> Job[tuple[list[Figure], list[Figure]]]:
-    """Pictures of the textured model from two sides, and the maps from the first."""
+    """Pictures of the plain and the textured model from two sides, and the maps from one of them."""
     used = textured.selection.view >= 0
-    centres = textured.vertices[textured.faces[used]].mean(axis=1)
-    viewpoints = two_viewpoints(centres if used.any() else textured.vertices, textured.views)
+    shown = textured.faces[used] if used.any() else textured.faces
+    viewpoints = two_viewpoints(textured.vertices, shown, textured.views)
     names = [view.name for view in textured.views]
+    maps = [photo_map(textured, names), texel_map(textured)]
+    # The maps are shown from the side that turns more of the textured surface to the viewer.
+    seen = [len(facing(textured.vertices, shown, viewpoint)) for viewpoint in viewpoints]
     model: list[Figure] = []
-    maps: list[Figure] = []
+    mapped: list[Figure] = []
     for number, viewpoint in enumerate(viewpoints):
-        wanted = [photo_map(textured, names), texel_map(textured)] if number == 0 else []
+        wanted = maps if number == int(np.argmax(seen)) else []
         pictures = yield from part(_side_job(textured, viewpoint, wanted), number / 2, (number + 1) / 2)
-        model += pictures[: 2 - number]
-        maps += pictures[2 - number :]
-    return model, maps
+        model += pictures[:2]
+        mapped += pictures[2:]
+    return model, mapped
 
 
 def _side_job(textured: TexturedScan, viewpoint: Viewpoint, wanted: list[FaceMap]) -> Job[list[Figure]]:
-    """One side: plain scan (only where maps are wanted too), textured model, maps."""
+    """One side: the plain scan, the textured model, the wanted maps."""
     front = facing(textured.vertices, textured.faces, viewpoint)
     vertices, faces = textured.vertices, textured.faces[front]
     tracing = trace_pixels_job(viewpoint.camera, viewpoint.rotation, viewpoint.translation, vertices, faces)
@@ -93,10 +98,9 @@ def _side_job(textured: TexturedScan, viewpoint: Viewpoint, wanted: list[FaceMap
     shading = shade_textured_job(hits, vertices, faces, chosen, textured.views)
     picture = yield from part(shading, 0.6, 0.9, f"The model {viewpoint.name}: ")
     images: list[tuple[ByteArray, str, FaceMap | None]] = [
-        (picture.image, f"Textured, {viewpoint.name}", None)
+        (shade_clay(hits, vertices, faces), f"The scan, {viewpoint.name}", None),
+        (picture.image, f"Textured, {viewpoint.name}", None),
+        *((shade_faces(hits, vertices, faces, m.colours[front]), m.title, m) for m in wanted),
     ]
-    if wanted:
-        images.insert(0, (shade_clay(hits, vertices, faces), f"The scan, {viewpoint.name}", None))
-    images += [(shade_faces(hits, vertices, faces, m.colours[front]), m.title, m) for m in wanted]
     yield Progress(0.95, "Encoding pictures")
     return [Figure(jpeg(i), i.shape[1], i.shape[0], title, legend) for i, title, legend in images]

@@ -143,7 +143,7 @@ def test_the_page_holds_everything_and_needs_nothing_beside_it(report, tmp_path)
     path = write_report(report, tmp_path / "deep" / "bericht ä.html")
     source = path.read_text(encoding="utf-8")
     page = Page(source)
-    assert len(page.sources) == 4 + 3 + 2  # photos, scan and two sides, two maps
+    assert len(page.sources) == 4 + 4 + 2  # photos, scan and texture from two sides, two maps
     assert all(source.startswith("data:image/jpeg;base64,") for source in page.sources)
     assert all(page.alternatives) and not page.links
     assert not re.search(r"https?://|url\(|@import|<script", source)
@@ -243,15 +243,17 @@ def test_both_viewpoints_have_the_model_in_the_frame(seed, size, count):
         View(camera(), exp_so3(rng.normal(0, 2, 3)), rng.normal(0, size, 3), np.zeros((1, 1, 3), np.uint8))
         for _ in range(count)
     ]
-    for viewpoint in two_viewpoints(points, views):
+    faces = rng.integers(0, len(points), (200, 3))
+    for viewpoint in two_viewpoints(points, faces, views):
         assert np.allclose(viewpoint.rotation @ viewpoint.rotation.T, np.eye(3), atol=1e-9)
         assert np.linalg.det(viewpoint.rotation) > 0
-        pixels = viewpoint.camera.project(points @ viewpoint.rotation.T + viewpoint.translation)
+        centres = points[faces[facing(points, faces, viewpoint)]].mean(axis=1)
+        pixels = viewpoint.camera.project(centres @ viewpoint.rotation.T + viewpoint.translation)
         assert viewpoint.camera.in_frame(pixels).mean() > 0.9
 
 
 def test_viewpoints_stand_upright_left_and_right_of_the_photos(report):
-    left, right = two_viewpoints(report.scan.vertices, report.textured.views)
+    left, right = two_viewpoints(report.scan.vertices, report.scan.faces, report.textured.views)
     for viewpoint in (left, right):
         assert viewpoint.rotation[0, 2] == pytest.approx(0, abs=1e-9)  # the horizon is level
         assert viewpoint.rotation[1, 2] < 0  # down in the picture is down in the world
