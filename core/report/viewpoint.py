@@ -93,7 +93,7 @@ def _looking(points: FloatArray, level: FloatArray, up: FloatArray, name: str) -
     focal = 0.5 * WIDTH / np.tan(_HALF_FIELD)
     # A point at (x, y, z) is in the frame from the distance |x| focal / half the width - z on; so for y.
     needed = np.abs(local[:, :2]) * focal / (0.5 * np.array([WIDTH, HEIGHT])) - local[:, 2:]
-    distance = 1.04 * float(np.percentile(needed.max(axis=1), 99)) + 1e-3
+    distance = 1.07 * float(np.percentile(needed.max(axis=1), 99)) + 1e-3
     matrix = np.array([[focal, 0, (WIDTH - 1) / 2], [0, focal, (HEIGHT - 1) / 2], [0, 0, 1]])
     translation = local[0] - rotation @ points[0] + (0.0, 0.0, distance)
     return Viewpoint(name, PerspectiveCamera(WIDTH, HEIGHT, matrix), rotation, translation)
