@@ -16,6 +16,8 @@ from fresco.core.cameras import (
 SIZE = (1600, 1200)
 K = np.array([[500.0, 0.4, 803.3], [0, 495.0, 590.8], [0, 0, 1]])
 WIDE_K = np.array([[900.0, 0.4, 803.3], [0, 905.0, 590.8], [0, 0, 1]])
+MEI_K = np.array([[1170.0, 0.5, 803.3], [0, 1176.0, 590.8], [0, 0, 1]])
+LONG_K = np.array([[1100.0, 0.4, 803.3], [0, 1089.0, 590.8], [0, 0, 1]])
 CAMERAS = {
     "perspective": PerspectiveCamera(*SIZE, K, (-0.05, 0.01, 4e-4, -3e-4)),
     "perspective_rational": PerspectiveCamera(*SIZE, K, (8.2, 3.1, 2e-4, -1e-4, 0.2, 8.6, 5.2, 0.9)),
@@ -33,12 +35,12 @@ CAMERAS = {
     "polynomial_perspective": PolynomialCamera(*SIZE, (803.3, 590.8), (700.0,)),
     "catadioptric": CatadioptricCamera(*SIZE, WIDE_K, 0.85),
     "para_catadioptric": CatadioptricCamera(*SIZE, WIDE_K, 1.0),
-    "mei": CatadioptricCamera(*SIZE, np.diag([1.3, 1.3, 1]) @ WIDE_K, 1.4, (-0.05, 0.01, 4e-4, -3e-4)),
+    "mei": CatadioptricCamera(*SIZE, MEI_K, 1.4, (-0.05, 0.01, 4e-4, -3e-4)),
     "sphere_perspective": CatadioptricCamera(*SIZE, K, 0.0),
     "equirectangular": EquirectangularCamera(1600, 800),
     "cropped_panorama": EquirectangularCamera(1600, 500, (2400, 1200), (1300, 200)),
     "extended_unified": ExtendedUnifiedCamera(*SIZE, K, 0.6, 1.1),
-    "orthographic": ExtendedUnifiedCamera(*SIZE, np.diag([2.2, 2.2, 1]) @ K, 1.0, 1.0),
+    "orthographic": ExtendedUnifiedCamera(*SIZE, LONG_K, 1.0, 1.0),
     "flat_unified": ExtendedUnifiedCamera(*SIZE, K, 0.3, 0.9),
     "division_barrel": DivisionCamera(*SIZE, K, -0.2),
     "division_pincushion": DivisionCamera(*SIZE, K, 0.05),
