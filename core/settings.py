@@ -30,6 +30,26 @@ class ScanSettings:
 
 
 @dataclass(frozen=True)
+class RegionSettings:
+    """Marking regions in photos and on the scan."""
+
+    working_size: int = 1536
+    """Longer side (pixels) of the copy on which the photo wand searches; outlines are finished at full resolution."""
+
+    least_support: float = 0.4
+    """Smallest share of a frame's side that an edge of the photo has to cover."""
+
+    line_limit: int = 192
+    """Straight edges around a click that are combined to frames; time grows with the third power."""
+
+    level_count: int = 40
+    """Frames of different size that dragging can choose from."""
+
+    snap_reach: float = 3.0
+    """How far (pixels of the working copy) an outline is moved to meet an edge at full resolution."""
+
+
+@dataclass(frozen=True)
 class PoseSettings:
     """Camera poses from regions."""
 
@@ -76,7 +96,7 @@ class TextureSettings:
     """Find one gain per photo and channel from what the photos see in common."""
 
     gain_anchor: int | None = None
-    """Photo whose colours stay as they are; without one the photos' mean exposure stays."""
+    """Photo whose colours stay as they are; without one the median of the gains is 1."""
 
     smoothness: float = 100.0
     """Length, in texels of the finest photos, at which a seam costs as much as one octave of resolution over
@@ -157,3 +177,59 @@ class JointSettings:
 
     seed: int = 0
     """Start of the random numbers: the same photos give the same poses."""
+
+
+@dataclass(frozen=True)
+class AtlasSettings:
+    """Baking an atlas for delivery."""
+
+    texel_size: float = 0.0
+    """Side of a texel on the surface (m); 0 takes the median of what the photos show."""
+
+    page_size: int = 4096
+    """Side of a page in pixels; there are as many pages (UDIM tiles) as are needed."""
+
+    padding: int = 8
+    """Pixels around each chart filled with its colours, so that smaller mip levels stay clean."""
+
+    depth: Literal[8, 16] = 8
+    """Bits per channel."""
+
+    blend_rings: int = 4
+    """Rings of faces over which low frequencies cross-fade at seams; fine detail takes one. 0: none."""
+
+
+@dataclass(frozen=True)
+class EdgeSettings:
+    """One camera pose by the edges of the scan."""
+
+    photo_size: int = 1600
+    """Longer side (pixels) of the finest of three image levels, each half as large as the next."""
+
+    search: float = 8.0
+    """Distance (pixels of a level) along its normal in which an edge of the scan looks for the photo's."""
+
+    crease: float = 8.0
+    """Smallest turn (degrees per pixel of a level) of the surface that counts as an edge."""
+
+    step: float = 3.0
+    """Smallest depth step that counts as an edge, in pixels of a level on the nearer surface."""
+
+    max_edges: int = 12000
+    """Edge points used per level, spread over the photo."""
+
+    min_edges: int = 80
+    """Edge points that a photo needs to be moved at all."""
+
+    rotation_sigma: float = 0.3
+    """Standard deviation (degrees, per axis) of a starting pose that comes without covariance."""
+
+    centre_sigma: float = 0.025
+    """Standard deviation (m, per axis) of a starting camera centre that comes without covariance."""
+
+    min_score: float = 1.1
+    """Smallest edge agreement (1: none) at which a pose is believed."""
+
+    seed: int = 0
+    """Start of the random numbers: the same photo gives the same pose."""
+

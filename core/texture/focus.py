@@ -23,11 +23,13 @@ _CELL = 16
 """Side of the windows (pixels of the analysed photo) in which detail is averaged."""
 _QUIETEST = 2.0
 """Percentile of the finest detail that counts as noise: smooth places hold nothing else."""
+_CONTRAST = 0.5
+"""Largest difference in log energy that is put down to exposure and flare."""
 _ROUNDING = 0.1
 """Variance (grey levels²) that rounding to whole numbers causes."""
 _FREQUENCY = 2 * np.pi * 0.30 / 2.0 ** np.arange(LEVELS)
 """Typical angular frequency (rad/pixel) of the detail of each level, Haar octaves."""
-_OWN_BLUR = 0.5
+_OWN_BLUR = 0.7
 """Blur (sigma, pixels) that every photo has from its pixels; blur below it costs nothing."""
 _WORST_BLUR = 8.0
 
@@ -177,7 +179,7 @@ def _on_octaves(d: PatchDetail, lowest: int) -> tuple[FloatArray, BoolArray, Ind
     """
     above: FloatArray = np.ceil(d.octave)
     share = (above - d.octave)[:, None]
-    values: FloatArray = (1 - share) * d.detail[:, :-1] + share * d.detail[:, 1:]
+    values: FloatArray = d.detail[:, :-1] + share * np.diff(d.detail, axis=1)
     cells: IndexArray = (above.astype(np.int64) - lowest)[:, None] + np.arange(LEVELS - 1)
     return values, d.shown[:, :-1] & d.shown[:, 1:], cells
 
@@ -194,11 +196,29 @@ def _fit_photo(detail: PatchDetail, lack: FloatArray, scale: float) -> FocusMode
     usable = total > 0
     if np.count_nonzero(usable) < 8:
         return FocusModel(np.zeros(3))
+    lack = lack - _contrast_offset(frequency[known] ** 2, lack[known])
     sigma2 = np.sum(np.where(known, weight * lack, 0), axis=1)[usable] / total[usable] / scale**2
     x = detail.nearness[usable]
     span = np.percentile(x, [2, 98])
     coefficients = _robust_parabola(x, np.clip(sigma2, -4, _WORST_BLUR**2))
     return FocusModel(coefficients, (float(span[0]), float(span[1])))
+
+
+def _contrast_offset(slope: FloatArray, lack: FloatArray) -> float:
+    """Detail that a photo lacks at all wavelengths alike: a question of its exposure, not of its focus.
+
+    The intercept of `lack = offset + slope sigma²`, robust, and small as exposure makes it.
+    """
+    design = np.stack([np.ones_like(slope), slope], axis=1)
+    weight = np.ones_like(lack)
+    offset = 0.0
+    for _ in range(8):
+        normal = design.T @ (weight[:, None] * design) + 1e-9 * np.eye(2)
+        solution = np.linalg.solve(normal, design.T @ (weight * lack))
+        offset = float(solution[0])
+        residual = lack - design @ solution
+        weight = 1 / (1 + (residual / max(float(np.median(np.abs(residual))), 0.05) / 3) ** 2)
+    return float(np.clip(offset, -_CONTRAST, _CONTRAST))
 
 
 def _robust_parabola(x: FloatArray, y: FloatArray) -> FloatArray:

@@ -27,7 +27,8 @@ def photo_gains(table: CandidateTable, view_count: int, anchor: int | None = Non
 
     For each pair of photos the median log ratio over common faces is one observation; gains solve them all by
     least squares, reweighted (Cauchy) against pairs that contradict the rest. The ratios leave one factor
-    free per group of overlapping photos: the mean of the log gains is 0, or that of the photo `anchor` is.
+    free per group of overlapping photos: the median gain is 1, so that most photos stay nearly as they are
+    whatever a few exposures do; or that of the photo `anchor` is.
     """
     first, second, ratio = _observations(table)
     if len(first) == 0:
@@ -40,7 +41,7 @@ def photo_gains(table: CandidateTable, view_count: int, anchor: int | None = Non
     log_gain = np.stack([_solve(i, j, value[:, c], weight[:, c], view_count) for c in range(3)], axis=1)
     for group in np.unique(groups):
         members = np.flatnonzero(groups == group)
-        log_gain[members] -= log_gain[anchor] if anchor in members else log_gain[members].mean(axis=0)
+        log_gain[members] -= log_gain[anchor] if anchor in members else np.median(log_gain[members], axis=0)
     return np.exp(log_gain)
 
 

@@ -102,7 +102,9 @@ def sample_image(image: AnyArray, pixels: ArrayLike) -> AnyArray:
     """
     at = np.asarray(pixels, dtype=np.float32)
     count = len(at)
-    rows = max(1, -(-count // _CHUNK))
+    if count == 0:
+        return np.zeros((0, *image.shape[2:]), dtype=image.dtype)
+    rows = -(-count // _CHUNK)
     padded = np.zeros((rows * _CHUNK if rows > 1 else count, 2), dtype=np.float32)
     padded[:count] = at
     grid = padded.reshape(rows, -1, 2)

@@ -166,7 +166,7 @@ def plan_shots(count: int = 30, size: tuple[int, int] = (1500, 1000), seed: int 
     Every fifth is meant to be held out and stands anywhere. Ten exposures within 0.5 EV, three blurred.
     """
     random = np.random.default_rng(seed)
-    poses = _random_poses(random, 300, size)
+    poses = random_poses(random, 300, size)
     surface = Surface.from_mesh(*chapel_mesh(0.25))
     sees = [visible_faces(surface, pose, TextureSettings(max_angle=75)).face for pose in poses]
     times = np.zeros(surface.face_count)
@@ -188,7 +188,7 @@ def plan_shots(count: int = 30, size: tuple[int, int] = (1500, 1000), seed: int 
     return shots
 
 
-def _random_poses(random: np.random.Generator, count: int, size: tuple[int, int]) -> list[View]:
+def random_poses(random: np.random.Generator, count: int, size: tuple[int, int]) -> list[View]:
     """Views from standing height, clear of the pillars, in every direction."""
     views = []
     width, height = size

@@ -35,7 +35,7 @@ def test_uvs_are_the_projection_of_the_corners(views):
 def test_gains_undo_the_exposures(views):
     gain = select_views(*WALL, views).gain
     exposure = np.array([0.7, 1.0, 1.4])
-    expected = np.exp(np.log(exposure).mean()) / exposure
+    expected = 1 / exposure  # the median photo stays
     np.testing.assert_allclose(gain, np.repeat(expected[:, None], 3, 1), rtol=0.02)
 
 
