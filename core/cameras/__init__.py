@@ -5,10 +5,10 @@ from .catadioptric import CatadioptricCamera
 from .distortion import Distortion
 from .equirectangular import EquirectangularCamera
 from .fisheye import FisheyeCamera
+from .lens_models import DivisionCamera, ExtendedUnifiedCamera, FieldOfViewCamera, InverseRadialCamera
 from .perspective import PerspectiveCamera
 from .polynomial import PolynomialCamera
 from .resolution import angular_resolution, ground_sample_distance, pixel_solid_angle
-from .wide import DivisionCamera, ExtendedUnifiedCamera, FieldOfViewCamera, InverseRadialCamera
 
 __all__ = [
     "Camera",

@@ -46,6 +46,10 @@ class Distortion:
     tangential: tuple[float, float] = (0.0, 0.0)
     prism: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
+    def __post_init__(self) -> None:
+        if not np.all(np.isfinite((*self.radial, *self.denominator, *self.tangential, *self.prism))):
+            raise CameraError("The distortion coefficients must be finite numbers.")
+
     @classmethod
     def from_opencv(cls, coefficients: ArrayLike) -> Distortion:
         """Distortion from OpenCV's vector k1, k2, p1, p2, k3, k4, k5, k6, s1..s4 of any shorter length.
@@ -56,8 +60,6 @@ class Distortion:
             Coefficients that are not finite, too many, or with a tilted sensor (OpenCV's tau).
         """
         given = np.asarray(coefficients, dtype=np.float64).ravel()
-        if not np.all(np.isfinite(given)):
-            raise CameraError("The distortion coefficients must be finite numbers.")
         if given.size > 14:
             raise CameraError(f"At most 12 distortion coefficients are known, {given.size} were given.")
         if np.any(given[12:] != 0):
@@ -117,7 +119,7 @@ class Distortion:
     def apply(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Distort points of the plane: (...), (...) -> the same; NaN outside the disk `r < limit`."""
         r2 = x * x + y * y
-        np.copyto(r2, np.nan, where=~(r2 < self.limit**2))
+        r2 = np.where(r2 < self.limit**2, r2, np.nan)
         gain = series(self.radial, r2)
         if self.denominator:
             gain /= series(self.denominator, r2)

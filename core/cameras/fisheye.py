@@ -87,7 +87,7 @@ class FisheyeCamera(PlaneCamera):
         s = points[..., 0] ** 2 + points[..., 1] ** 2
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = self._radius_with_slope(np.arctan2(np.sqrt(s), z))[1] / (s + z * z)
-        slope[np.isnan(gain)] = np.nan
+        slope = np.where(np.isnan(gain), np.nan, slope)
         slope_s = np.divide(slope * z - gain, 2 * s, out=np.zeros(z.shape), where=s > 0)
         return gain, slope_s, -slope
 
@@ -96,7 +96,7 @@ class FisheyeCamera(PlaneCamera):
         angle = self._angle(rho)
         side = np.divide(np.sin(angle), rho, out=np.ones(rho.shape), where=rho > 0)
         cosine = np.cos(angle)
-        side[np.isnan(cosine)] = np.nan
+        side = np.where(np.isnan(cosine), np.nan, side)
         return np.stack([x * side, y * side, cosine], axis=-1)
 
     def _with_matrix(self, width: int, height: int, K: FloatArray) -> Self:

@@ -102,8 +102,7 @@ class PolynomialCamera(Camera):
         """Distance from the axis and rho of points (...,3); NaN where not seen."""
         r = np.sqrt(points[..., 0] ** 2 + points[..., 1] ** 2)
         rho = self._rho(np.arctan2(r, points[..., 2]))
-        rho[(r == 0) & ~(points[..., 2] > 0)] = np.nan
-        return r, rho
+        return r, np.where((r == 0) & ~(points[..., 2] > 0), np.nan, rho)
 
     def _to_pixels(self, points: FloatArray, r: FloatArray, rho: FloatArray) -> FloatArray:
         gain = np.divide(rho, r, out=np.where(np.isnan(rho), np.nan, 0.0), where=r > 0)
@@ -119,7 +118,7 @@ class PolynomialCamera(Camera):
             steep = 1 / (self._angle_with_slope(rho)[1] * (r * r + z * z))  # d rho / d angle / distance^2
             along = np.where((r > 0)[..., None], points[..., :2] / r[..., None], (1.0, 0.0))
             gain = np.where(r > 0, rho / r, self.coefficients[0] / z)
-        gain[np.isnan(rho)] = np.nan
+        gain = np.where(np.isnan(rho), np.nan, gain)
         plane = np.empty((*r.shape, 2, 3))
         plane[..., :2] = gain[..., None, None] * np.eye(2)
         plane[..., :2] += (steep * z - gain)[..., None, None] * (along[..., :, None] * along[..., None, :])
@@ -133,7 +132,7 @@ class PolynomialCamera(Camera):
         """Unit viewing rays of pixels: (N,2) -> (N,3) camera frame, NaN rows outside the model's field."""
         plane = (np.asarray(pixels, dtype=np.float64) - self.centre) @ np.linalg.inv(self._affine).T
         rho = np.hypot(plane[..., 0], plane[..., 1])
-        rho[~(rho < self.limit)] = np.nan
+        rho = np.where(rho < self.limit, rho, np.nan)
         height = self.lift(rho)[0]
         rays: FloatArray = np.concatenate([plane, height[..., None]], axis=-1)
         rays /= np.hypot(rho, height)[..., None]

@@ -17,8 +17,8 @@ from .base import Camera
 from .catadioptric import CatadioptricCamera
 from .equirectangular import EquirectangularCamera
 from .fisheye import FisheyeCamera
+from .lens_models import ExtendedUnifiedCamera
 from .perspective import PerspectiveCamera
-from .wide import ExtendedUnifiedCamera
 
 _FILE = Path(__file__).parents[2] / "presets" / "cameras.toml"
 _FOCAL_TOLERANCE = 0.05

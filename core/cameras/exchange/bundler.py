@@ -18,8 +18,8 @@ from ...arrays import ByteArray, FloatArray
 from ...errors import CameraError
 from ..base import Camera
 from ..files.text import exact, numbers, read_text, whole, write_text
+from ..lens_models import InverseRadialCamera
 from ..perspective import PerspectiveCamera
-from ..wide import InverseRadialCamera
 from .reconstruction import (
     PosedCamera,
     Reconstruction,

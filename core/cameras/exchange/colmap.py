@@ -8,7 +8,7 @@ Source: COLMAP documentation, output format.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +35,7 @@ from .reconstruction import (
 
 _MODEL_NAMES = {model.number: (name, model.count) for name, model in MODELS.items()}
 _MODEL_NAMES[EQUIRECTANGULAR[1]] = (EQUIRECTANGULAR[0], EQUIRECTANGULAR[2])
+_POINT = struct.Struct("<Q3d3BdQ")
 _MODEL_NUMBERS = {name: number for number, (name, _) in _MODEL_NAMES.items()}
 
 
@@ -98,12 +99,15 @@ def _image(name: str, pose: FloatArray, camera: int, cameras: dict[int, Camera],
 def _read_points_text(path: Path) -> tuple[FloatArray, ByteArray]:
     if not path.exists():
         return _points([])
-    return _points(
-        [numbers(line.split()[1:7], what, 6) for what, line in _content_lines(path) if line.strip()]
-    )
+    lines = [(what, line) for what, line in _content_lines(path) if line.strip()]
+    try:  # all at once, as there may be a million
+        text = [line for _, line in lines]
+        return _points(np.loadtxt(text, usecols=range(1, 7), comments=None, ndmin=2) if text else [])
+    except ValueError:  # now with the place of the error
+        return _points([numbers(line.split()[1:7], what, 6) for what, line in lines])
 
 
-def _points(rows: list[FloatArray]) -> tuple[FloatArray, ByteArray]:
+def _points(rows: Sequence[Sequence[float] | FloatArray] | FloatArray) -> tuple[FloatArray, ByteArray]:
     table = np.array(rows, dtype=np.float64).reshape(-1, 6)
     return table[:, :3].copy(), np.clip(table[:, 3:], 0, 255).astype(np.uint8)
 
@@ -126,6 +130,14 @@ class _Reader:
     def skip(self, size: int) -> None:
         self._require(size)
         self._position += size
+
+    def take_point(self) -> tuple[float, ...]:
+        """Position and colour of a point; its number, error and track are passed over."""
+        self._require(_POINT.size)
+        values = _POINT.unpack_from(self._data, self._position)
+        self._position += _POINT.size
+        self.skip(8 * values[8])
+        return values[1:7]
 
     def name(self) -> str:
         end = self._data.find(b"\0", self._position)
@@ -169,12 +181,7 @@ def _read_points_binary(path: Path) -> tuple[FloatArray, ByteArray]:
     if not path.exists():
         return _points([])
     reader = _Reader(path)
-    rows = []
-    for _ in range(int(reader.take("Q")[0])):
-        values = reader.take("Q3d3Bd")
-        rows.append(np.array(values[1:7]))
-        reader.skip(8 * int(reader.take("Q")[0]))
-    return _points(rows)
+    return _points([reader.take_point() for _ in range(int(reader.take("Q")[0]))])
 
 
 def write_colmap(folder: Path | str, reconstruction: Reconstruction, binary: bool = False) -> None:

@@ -22,8 +22,8 @@ from ..distortion import Distortion
 from ..equirectangular import EquirectangularCamera
 from ..files.text import entry, number, numbers, read_text, whole
 from ..fisheye import FisheyeCamera
+from ..lens_models import FieldOfViewCamera
 from ..perspective import PerspectiveCamera
-from ..wide import FieldOfViewCamera
 from .reconstruction import PosedCamera, Reconstruction, checked_rotation, pose_from_centre
 
 _UNDEFINED = 2**32 - 1

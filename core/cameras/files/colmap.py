@@ -17,9 +17,9 @@ from ..base import Camera
 from ..distortion import NO_DISTORTION, Distortion
 from ..equirectangular import EquirectangularCamera
 from ..fisheye import FisheyeCamera
+from ..lens_models import DivisionCamera, ExtendedUnifiedCamera, FieldOfViewCamera
 from ..perspective import PerspectiveCamera
 from ..plane import PlaneCamera
-from ..wide import DivisionCamera, ExtendedUnifiedCamera, FieldOfViewCamera
 from .text import exact, numbers, whole
 
 _Lens = tuple[float, ...]

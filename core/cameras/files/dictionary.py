@@ -22,9 +22,9 @@ from ..catadioptric import CatadioptricCamera
 from ..distortion import Distortion
 from ..equirectangular import EquirectangularCamera
 from ..fisheye import FisheyeCamera
+from ..lens_models import DivisionCamera, ExtendedUnifiedCamera, FieldOfViewCamera, InverseRadialCamera
 from ..perspective import PerspectiveCamera
 from ..polynomial import PolynomialCamera
-from ..wide import DivisionCamera, ExtendedUnifiedCamera, FieldOfViewCamera, InverseRadialCamera
 from .text import entry, number, read_text, whole, write_text
 
 

@@ -1,4 +1,4 @@
-"""Further one- and two-parameter lens models that other programs calibrate with."""
+"""Further lens models of one or two parameters, with which other programs calibrate."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ class FieldOfViewCamera(PlaneCamera):
         s = points[..., 0] ** 2 + points[..., 1] ** 2
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = self._stretch / self.omega / (self._stretch**2 * s + z * z)
-        slope[np.isnan(gain)] = np.nan
+        slope = np.where(np.isnan(gain), np.nan, slope)
         slope_s = np.divide(slope * z - gain, 2 * s, out=np.zeros(z.shape), where=s > 0)
         return gain, slope_s, -slope
 
