@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -17,6 +18,10 @@ from .winding import faces_to_turn, shared_edges
 
 _THINNEST = 1e-10
 """A triangle whose height is less than this part of its longest side has no area in double precision."""
+
+
+_BLOCK = 1 << 17
+"""Faces handled at once: their numbers stay in the processor's cache."""
 
 
 @dataclass
@@ -115,27 +120,32 @@ def _drop_undefined_faces(mesh: Mesh) -> None:
 def _weld(mesh: Mesh, distance: float) -> None:
     """Join vertices at the same place: the outline of a region must not run along an invisible cut."""
     before = len(mesh.vertices)
-    first = _identical(mesh.vertices) if distance <= 0 else _close(mesh.vertices, distance)
-    chosen, new_index = np.unique(first, return_inverse=True)
-    if len(chosen) == before:
+    if distance <= 0:
+        first = _first_alike((mesh.vertices + 0.0).view(np.uint64))  # + 0.0: minus zero becomes zero
+    else:
+        first = _close(mesh.vertices, distance)
+    stays = first == np.arange(before)
+    if stays.all():
         return
-    mesh.take_vertices(chosen, new_index.reshape(-1))
+    mesh.take_vertices(np.flatnonzero(stays), (np.cumsum(stays) - 1)[first])
     place = "the same place" if distance <= 0 else f"less than {1000 * distance:g} mm apart"
-    mesh.report.append(f"Joined {before - len(chosen)} vertices at {place}.")
+    mesh.report.append(f"Joined {_count(~stays)} vertices at {place}.")
 
 
-def _identical(vertices: FloatArray) -> IndexArray:
-    """Return the first vertex (V,) at the same place as each vertex."""
-    words = np.ascontiguousarray(vertices + 0.0).view(np.uint64)  # + 0.0: minus zero becomes zero
-    odd = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
-    mixed = words * odd
-    mixed ^= mixed >> np.uint64(29)
-    key = mixed[:, 0] ^ (mixed[:, 1] << np.uint64(1)) ^ (mixed[:, 2] << np.uint64(2))
-    order = np.argsort(key, kind="stable")
-    # Equal keys are neighbours now; compare the places themselves, a key may be equal by chance.
-    new = np.concatenate([[True], (vertices[order[1:]] != vertices[order[:-1]]).any(axis=1)])
-    first: IndexArray = np.empty(len(vertices), dtype=np.int64)
-    first[order] = order[np.flatnonzero(new)][np.cumsum(new) - 1]
+def _first_alike(rows: NDArray[np.uint64]) -> IndexArray:
+    """Return the first row (N,) that equals each of the rows (N,3)."""
+    key = np.zeros(len(rows), dtype=np.uint64)
+    for column in rows.T:
+        key = (key + column) * np.uint64(0x9E3779B97F4A7C15)
+        key ^= key >> np.uint64(32)
+    order = np.argsort(key)
+    # Equal keys are neighbours now; compare the rows themselves, a key may be equal by chance.
+    new = np.concatenate([[True], key[order[1:]] != key[order[:-1]]])
+    alike = np.flatnonzero(~new)
+    new[alike] = (rows[order[alike]] != rows[order[alike - 1]]).any(axis=1)
+    starts = np.flatnonzero(new)
+    first: IndexArray = np.empty(len(rows), dtype=np.int64)
+    first[order] = np.repeat(np.minimum.reduceat(order, starts), np.diff(starts, append=len(rows)))
     return first
 
 
@@ -152,25 +162,32 @@ def _close(vertices: FloatArray, distance: float) -> IndexArray:
 
 
 def _drop_flat_faces(mesh: Mesh) -> None:
-    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
-    longest = np.max([np.sum(side * side, axis=1) for side in (b - a, c - b, a - c)], axis=0)
-    double_area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    keep = double_area > _THINNEST * longest
+    keep = np.empty(len(mesh.faces), dtype=np.bool_)
+    for start in range(0, len(keep), _BLOCK):
+        double_area, longest = _size(mesh.vertices, mesh.faces[start : start + _BLOCK])
+        keep[start : start + _BLOCK] = double_area > _THINNEST * longest
     if not keep.all():
         mesh.report.append(f"Dropped {_count(~keep)} faces without area.")
         mesh.keep_faces(keep)
 
 
+def _size(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Twice the area and the square of the longest side of faces: (F,), (F,)."""
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (vertices[faces[:, i]].T for i in range(3))
+    ux, uy, uz, vx, vy, vz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
+    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    sides = [p * p + q * q + r * r for p, q, r in ((ux, uy, uz), (vx, vy, vz), (ux - vx, uy - vy, uz - vz))]
+    return np.sqrt(x * x + y * y + z * z), np.maximum(np.maximum(sides[0], sides[1]), sides[2])
+
+
 def _drop_double_faces(mesh: Mesh) -> None:
     """Keep the first of all faces between the same three vertices, whichever way they run."""
-    corners = np.sort(mesh.faces, axis=1).astype(np.int64)
-    order = np.lexsort((corners[:, 2], corners[:, 1], corners[:, 0]))
-    corners = corners[order]
-    again = np.concatenate([[False], (corners[1:] == corners[:-1]).all(axis=1)])
-    if again.any():
-        keep = np.ones(len(order), dtype=np.bool_)
-        keep[order[again]] = False
-        mesh.report.append(f"Dropped {_count(again)} faces that were there twice.")
+    a, b, c = mesh.faces.T
+    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+    middle = a.astype(np.int64) + b + c - low - high
+    keep = _first_alike(np.stack([low, middle, high], axis=1).astype(np.uint64)) == np.arange(len(a))
+    if not keep.all():
+        mesh.report.append(f"Dropped {_count(~keep)} faces that were there twice.")
         mesh.keep_faces(keep)
 
 
@@ -179,8 +196,7 @@ def _turn_faces(mesh: Mesh, turn_over: bool) -> None:
     if crowded:
         mesh.report.append(f"{crowded} edges belong to more than two faces.")
     if same.any():
-        a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
-        turn, one_sided = faces_to_turn(np.linalg.norm(np.cross(b - a, c - a), axis=1), pairs, same)
+        turn, one_sided = faces_to_turn(_size(mesh.vertices, mesh.faces)[0], pairs, same)
         mesh.faces = np.where(turn[:, None], mesh.faces[:, ::-1], mesh.faces)
         if turn.any():
             mesh.report.append(f"Turned over {_count(turn)} faces that looked against their neighbours.")

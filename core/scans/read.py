@@ -12,6 +12,7 @@ from ..errors import ScanError
 from ..jobs import Job, Progress, drain, part
 from ..settings import ScanSettings
 from .check import Mesh, check_mesh_job
+from .clouds import read_e57_job, read_las_job, read_ptx_job
 from .meshes import read_mesh_job
 from .obj import read_obj_job
 from .ply import read_ply_job
@@ -24,6 +25,10 @@ READERS: dict[str, Callable[[Path], Job[RawScan]]] = {
     ".gltf": read_mesh_job,
     ".glb": read_mesh_job,
     ".stl": read_mesh_job,
+    ".e57": read_e57_job,
+    ".las": read_las_job,
+    ".laz": read_las_job,
+    ".ptx": read_ptx_job,
 }
 """Reader of every scan format, by lower-case file suffix."""
 

@@ -156,7 +156,7 @@ EYES = {"A": (3.6, 4.4, 1.5), "B": (4.6, 3.4, 1.7), "C": (2.9, 5.0, 1.2)}
 
 @pytest.fixture
 def corner(tmp_path):
-    """Return a function that writes the corner project, moved by an offset (m): project file and true poses."""
+    """Return a function that writes the corner project, moved by an offset (m), and tells the true poses."""
 
     def write(offset=(0.0, 0.0, 0.0), folder=tmp_path / "Sarok, mérés 1"):
         vertices, faces, labels = corner_scan()
