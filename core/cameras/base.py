@@ -39,6 +39,13 @@ class Camera(ABC):
         """
         return self.project_with_jacobian(points)[0]
 
+    def unwrapped(self, pixels: ArrayLike, reference: ArrayLike) -> FloatArray:
+        """Pixels (...,2) of the same directions that lie nearest to `reference` (...,2).
+
+        Only a panorama has a seam to unwrap; other cameras return the pixels as they are.
+        """
+        return np.array(pixels, dtype=np.float64)
+
     def scaled(self, factor: float) -> Self:
         """Return the camera of the same photo resized by `factor` (0.5: half as wide and high).
 

@@ -103,8 +103,11 @@ class Distortion:
         worst = np.arctan2(-self.tangential[0], -self.tangential[1])  # where the tangential part folds first
         directions = worst + np.linspace(0, 2 * np.pi, _DIRECTIONS, endpoint=False)
         low, high = 0.0, float(np.arctan(upper))
-        for _ in range(5):  # every pass narrows the interval 255 times
-            radii = np.tan(np.linspace(low, high, 256))[:, None]
+        for count in (
+            257,
+            *(17,) * 9,
+        ):  # a fine search for the first fold, then every pass narrows it 16 times
+            radii = np.tan(np.linspace(low, high, count))[:, None]
             with np.errstate(all="ignore"):  # a pole may be at the end of the interval
                 j = self.jacobian(radii * np.cos(directions), radii * np.sin(directions))
                 mean, half = (j[0] + j[3]) / 2, np.hypot((j[0] - j[3]) / 2, (j[1] + j[2]) / 2)

@@ -38,6 +38,7 @@ class FisheyeCamera(PlaneCamera):
     CameraError
         Sizes, matrix or coefficients that make no sense.
 
+    The attribute `coefficients` holds k1, k2, ..., and `distortion` that of the plane.
     Source: Kannala and Brandt 2006; OpenCV's fisheye model for the order of the coefficients.
     """
 

@@ -19,6 +19,7 @@ from ..base import Camera
 from ..catadioptric import CatadioptricCamera
 from ..fisheye import FisheyeCamera
 from ..perspective import PerspectiveCamera
+from ..plane import PlaneCamera
 from .text import read_text, write_text
 
 _MATRIX = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "M1")
@@ -152,6 +153,8 @@ def write_opencv(path: Path | str, camera: Camera) -> None:
 
     Raises CameraError for a camera that OpenCV has no model for, OutputError if the file cannot be written.
     """
+    if not isinstance(camera, PlaneCamera):
+        raise CameraError(f"OpenCV has no model for a {type(camera).__name__}.")
     lens, fisheye, xi = _opencv_model(camera)
     suffix = Path(path).suffix.lower()
     if suffix not in (".yml", ".yaml", ".xml", ".json"):
@@ -160,14 +163,14 @@ def write_opencv(path: Path | str, camera: Camera) -> None:
     storage.write("image_width", camera.width)
     storage.write("image_height", camera.height)
     storage.write("fisheye_model", int(fisheye))
-    storage.write("camera_matrix", camera.K)  # type: ignore[attr-defined]  # _opencv_model let only such pass
+    storage.write("camera_matrix", camera.K)
     storage.write("distortion_coefficients", np.array(lens, dtype=np.float64).reshape(-1, 1))
     if xi is not None:
         storage.write("xi", xi)
     write_text(path, storage.releaseAndGetString())
 
 
-def _opencv_model(camera: Camera) -> tuple[tuple[float, ...], bool, float | None]:
+def _opencv_model(camera: PlaneCamera) -> tuple[tuple[float, ...], bool, float | None]:
     """Coefficients, whether they are the fisheye model's, and xi of the unified sphere."""
     if isinstance(camera, PerspectiveCamera):
         return camera.distortion.opencv or (0.0,) * 4, False, None

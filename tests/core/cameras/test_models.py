@@ -38,9 +38,8 @@ def test_round_trip_from_pixels(any_camera):
     rays = any_camera.unproject(pixels)
     np.testing.assert_allclose(np.linalg.norm(rays, axis=1), 1, atol=1e-14)
     inner = np.abs(rays[:, 1]) < 1 - 1e-12  # a panorama's poles have no column
-    seam = np.abs(pixels[:, 0] + 0.5) < 1e-9  # and its left edge is its right edge
-    keep = inner & ~(seam & isinstance(any_camera, EquirectangularCamera))
-    np.testing.assert_allclose(any_camera.project(rays * 23)[keep], pixels[keep], atol=1e-7)
+    back = any_camera.unwrapped(any_camera.project(rays * 23), pixels)
+    np.testing.assert_allclose(back[inner], pixels[inner], atol=1e-7)
 
 
 def test_round_trip_from_directions(any_camera):
@@ -72,9 +71,7 @@ def test_jacobian_is_exact(any_camera):
 def _difference(camera, points, axis, h):
     d = np.eye(3)[axis] * h
     ahead, behind = camera.project(points + d), camera.project(points - d)
-    if isinstance(camera, EquirectangularCamera):
-        ahead = camera.unwrapped(ahead, behind)
-    return (ahead - behind) / (2 * h)
+    return (camera.unwrapped(ahead, behind) - behind) / (2 * h)
 
 
 def test_jacobian_on_the_axis(any_camera):
@@ -110,9 +107,7 @@ def test_never_garbage_far_outside(any_camera):
     rays = any_camera.unproject(pixels)
     seen = np.isfinite(rays).all(axis=1)
     assert np.array_equal(seen, np.isfinite(rays).any(axis=1))
-    back = any_camera.project(rays[seen])
-    if isinstance(any_camera, EquirectangularCamera):
-        back = any_camera.unwrapped(back, pixels[seen])
+    back = any_camera.unwrapped(any_camera.project(rays[seen]), pixels[seen])
     # At the very rim a direction no longer tells the pixel; it must not tell another one.
     known = np.isfinite(back).all(axis=1)
     assert known.mean() > 0.99
