@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ...arrays import ByteArray, FloatArray
-from ...errors import CameraError, OutputError
+from ...errors import CameraError
 from ..base import Camera
 from ..files.colmap import (
     EQUIRECTANGULAR,
@@ -193,10 +193,6 @@ def write_colmap(folder: Path | str, reconstruction: Reconstruction, binary: boo
     cameras, indices = distinct_cameras(reconstruction.cameras)
     models = [colmap_from_camera(camera) for camera in cameras]
     folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder} cannot be made: {error.strerror}.") from error
     if binary:
         _write_binary(folder, reconstruction, cameras, models, indices)
     else:

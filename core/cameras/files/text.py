@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +10,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ...arrays import FloatArray
-from ...errors import CameraError, OutputError
+from ...errors import CameraError
+from ...files import replacing
 
 
 def read_bytes(path: Path | str) -> bytes:
@@ -40,25 +39,9 @@ def read_xml(path: Path | str) -> ElementTree.Element:
 
 
 def write_bytes(path: Path | str, content: bytes) -> None:
-    """Write a file at one stroke: a reader sees the old one or the whole new one. OutputError if it fails."""
-    path = Path(path)
-    temporary = None
-    try:
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
-            temporary = Path(file.name)
-            file.write(content)
-        temporary.chmod(0o666 & ~_umask())
-        temporary.replace(path)
-    except OSError as error:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
-        raise OutputError(f"{path} cannot be written: {error.strerror}.") from error
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+    """Write a file at one stroke, its folder too if it is missing; OutputError if it fails."""
+    with replacing(path) as file:
+        file.write(content)
 
 
 def write_text(path: Path | str, content: str) -> None:

@@ -131,5 +131,5 @@ def test_what_cannot_be_written(posed, tmp_path):
     with pytest.raises(CameraError, match="no model"):
         write_colmap(tmp_path, posed([PolynomialCamera(10, 10, (5, 5), [5.0])]))
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="cannot be made"):
+    with pytest.raises(OutputError, match="cannot be written"):
         write_colmap(tmp_path / "file", posed(CAMERAS[:1]))

@@ -81,7 +81,7 @@ def test_file_errors_are_explained(tmp_path):
     with pytest.raises(CameraError, match="not a text file"):
         read_camera(tmp_path / "binary.json")
     with pytest.raises(OutputError, match="cannot be written"):
-        write_camera_json(tmp_path / "no" / "camera.json", camera_from_dict(PERSPECTIVE))
+        write_camera_json(tmp_path / "binary.json" / "camera.json", camera_from_dict(PERSPECTIVE))
 
 
 def test_writing_leaves_nothing_else_behind(tmp_path):
