@@ -48,6 +48,41 @@ class RegionSettings:
     snap_reach: float = 3.0
     """How far (pixels of the working copy) an outline is moved to meet an edge at full resolution."""
 
+    seed_patches: int = 120
+    """Small patches around a click on the scan that make the first plane."""
+
+    surface_levels: int = 14
+    """Tolerances that a click on the scan tries, from the scan's noise up, each 1.35 times the one before."""
+
+    tilt: float = 0.15
+    """How far (m per m) the surface may leave the first plane: that one is uncertain far from the click."""
+
+    crease_angle: float = 50.0
+    """Angle (degrees) to the fitted surface at which a face no longer belongs to it."""
+
+    colour_tolerance: float = 12.0
+    """Colour difference (Delta E) at which the surface wand stops, on a scan with colours; 0 ignores them."""
+
+
+@dataclass(frozen=True)
+class AlignSettings:
+    """Aligning scans by their surfaces."""
+
+    reach: float = 0.3
+    """Largest distance (m) between the scans at the start; pairs farther apart do not count."""
+
+    least_reach: float = 0.01
+    """Distance (m) below which the reach does not shrink, whatever the noise."""
+
+    iterations: int = 60
+    """Largest number of rounds."""
+
+    source_points: int = 50_000
+    """Points of the moving scan that are compared."""
+
+    target_points: int = 1_000_000
+    """Points of the fixed scan that they are compared with."""
+
 
 @dataclass(frozen=True)
 class PoseSettings:
