@@ -83,6 +83,16 @@ def without_collinear(loop: ArrayLike, tolerance: float) -> FloatArray:
     return points
 
 
+def subdivided(loop: FloatArray, longest: float) -> FloatArray:
+    """Closed polyline (n,d) with edges cut evenly so that none is longer than `longest`."""
+    following = np.roll(loop, -1, axis=0)
+    pieces = np.maximum(np.ceil(np.linalg.norm(following - loop, axis=1) / longest), 1).astype(np.int64)
+    edge = np.repeat(np.arange(len(loop)), pieces)
+    within = np.arange(len(edge)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    points: FloatArray = loop[edge] + (following - loop)[edge] * (within / pieces[edge])[:, None]
+    return points
+
+
 def _deviation(points: FloatArray) -> FloatArray:
     """Distance of every vertex of a closed polyline from the segment of its two neighbours."""
     before, after = np.roll(points, 1, axis=0), np.roll(points, -1, axis=0)

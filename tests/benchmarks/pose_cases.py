@@ -6,7 +6,7 @@ import numpy as np
 from fresco.core.cameras import PerspectiveCamera
 from fresco.core.geometry.outlines import fill_loops, mask_loops
 from pose_shapes import template_shapes
-from scipy.spatial import Delaunay
+from scipy.spatial import Delaunay, cKDTree
 from scipy.spatial.transform import Rotation
 
 WIDTH, HEIGHT = 2376, 1584
@@ -125,18 +125,18 @@ def project_loops(camera, rotation, translation, loops):
 
 
 def corrupt(rng, mask, error):
-    """Squares of 3-8 % of √area set or cleared along the boundary until `error` of the area has changed."""
-    if error == 0:
-        return mask
+    """Squares of 3-8 % of √area set or cleared along the boundary until they changed `error` of the area."""
     area = np.count_nonzero(mask)
     out = mask.copy()
     boundary = np.concatenate(mask_loops(mask))
-    while np.count_nonzero(out != mask) < error * area:
+    changed, added = 0, rng.random() < 0.5
+    while changed < error * area:
         side = rng.uniform(0.03, 0.08) * np.sqrt(area)
-        u, v = boundary[rng.integers(len(boundary))]
-        rows = slice(max(0, round(v + 0.5 - side / 2)), max(0, round(v + 0.5 + side / 2)))
-        columns = slice(max(0, round(u + 0.5 - side / 2)), max(0, round(u + 0.5 + side / 2)))
-        out[rows, columns] = rng.random() < 0.5
+        u, v = boundary[rng.integers(len(boundary))] + 0.5 - side / 2
+        square = out[max(0, round(v)) : round(v + side), max(0, round(u)) : round(u + side)]
+        changed += np.count_nonzero(square != added)
+        square[:] = added
+        added = not added
     return out
 
 
@@ -172,11 +172,7 @@ def _constrained(loops, grid):
     """Delaunay triangulation that keeps all boundary edges: boundary edges that are missing are halved."""
     for _ in range(12):
         points = np.concatenate(loops)
-        distance = (
-            np.min(np.linalg.norm(grid[:, None] - points[None, ::1], axis=2), axis=1)
-            if len(grid)
-            else np.zeros(0)
-        )
+        distance = cKDTree(points).query(grid)[0]
         everything = np.concatenate([points, grid[distance > 0.02]])
         triangles = Delaunay(everything).simplices
         have = {frozenset(e) for t in triangles.tolist() for e in ((t[0], t[1]), (t[1], t[2]), (t[2], t[0]))}

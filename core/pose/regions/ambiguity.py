@@ -2,14 +2,95 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from ...arrays import FloatArray, IndexArray
+from ...errors import PoseNotFound
 from ...geometry.rigid import rotation_angle
+from ...settings import PoseSettings
+from ..pose import Pose
 from .algebraic import Candidates
+from .covariance import world_covariance
+from .fitting import OutlineFit
+from .overlap import overlap_errors
+from .problem import Problem
+from .region_pose import RegionPose
 
 APART = np.radians(2.0)
 """Poses nearer to each other than this are one."""
+
+
+ALIKE_SHARE = 0.8
+"""Of the best's share of boundary on the outline, what another pose must reach to be its equal."""
+
+LOOSE = 1.5
+"""Degrees of standard deviation from which a pose counts as undecided."""
+
+
+def chosen(
+    problem: Problem, fits: Sequence[OutlineFit], initial: Pose | None, settings: PoseSettings
+) -> RegionPose:
+    """Choose the best fit, with the others that explain the regions as well.
+
+    Raises
+    ------
+    PoseNotFound
+        Even the best leaves the regions apart.
+    """
+    rivals = _rivals(problem, fits)
+    poses = [_pose(problem, fit) for fit in rivals]
+    if initial is not None:
+        poses.sort(key=lambda pose: float(rotation_angle(pose.rotation @ initial.rotation.T)))
+    best, others = poses[0], tuple(poses[1:])
+    if best.overlap_error > settings.overlap_limit:
+        raise PoseNotFound(
+            f"The best pose leaves {best.overlap_error:.0f} % of the regions apart (limit "
+            f"{settings.overlap_limit:g} %): check that each region has its right partner and outline."
+        )
+    if initial is not None or not others:
+        loose = best.rotation_sigma > LOOSE
+        reason = f"the pose is known to {best.rotation_sigma:.1f} degrees only: add a region" if loose else ""
+        return replace(best, alternatives=others, ambiguous=loose, reason=reason)
+    reason = f"{len(others)} other pose(s) explain the regions as well: add a region or give the up direction"
+    return replace(best, alternatives=others, ambiguous=True, reason=reason)
+
+
+def _rivals(problem: Problem, fits: Sequence[OutlineFit]) -> list[OutlineFit]:
+    """Best fit first, then those about as good; with several regions, poses behind the surface give way."""
+    if any(fit.locked for fit in fits):
+        most = max(fit.share for fit in fits if fit.locked)
+        rivals = [fit for fit in fits if fit.locked and fit.share >= ALIKE_SHARE * most]
+        rivals.sort(key=lambda fit: -fit.share)
+    else:
+        rivals = list(fits)
+    rivals = _without_repetitions(rivals)
+    in_front = [fit for fit in rivals if fit.front]
+    if in_front and len(problem.outlines) > 1:
+        return in_front
+    return sorted(rivals, key=lambda fit: not fit.front)
+
+
+def _without_repetitions(fits: Sequence[OutlineFit]) -> list[OutlineFit]:
+    kept: list[OutlineFit] = []
+    for fit in fits:
+        if all(rotation_angle(fit.rotation @ other.rotation.T) > APART for other in kept):
+            kept.append(fit)
+    return kept
+
+
+def _pose(problem: Problem, fit: OutlineFit) -> RegionPose:
+    overlap, each = overlap_errors(problem.moments, fit.rotation, fit.translation)
+    return RegionPose(
+        fit.rotation,
+        fit.translation - fit.rotation @ problem.origin,
+        world_covariance(fit.covariance, fit.rotation, fit.translation),
+        overlap_error=overlap,
+        region_errors=each,
+        locked=fit.locked,
+    )
 
 
 def distinct(candidates: Candidates) -> Candidates:

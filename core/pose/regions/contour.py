@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...arrays import FloatArray, IndexArray
+from ...arrays import BoolArray, FloatArray, IndexArray
 from ...cameras.base import Camera
 from ...geometry.contours import resampled, smoothed
 from ...geometry.rigid import exp_so3
 
-HALF_WIDTH = 7  # samples, about a pixel apart, on either side of a local fit
-STRAIGHT = 0.45  # pixels of misfit that a straight or gently curved pixel outline stays below
+HALF_WIDTH = 3  # samples, a pixel apart, on either side of a local fit
+BLOCK = 24  # pixels of boundary whose errors hang together: the side of a slip of the hand
 ALIKE = 0.85  # cosine between normals of outline and projected boundary that belong together
-SAMPLES = 360  # boundary samples per region
+SAMPLES = 600  # boundary samples per region
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,19 +31,25 @@ class ImageContour:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceContour:
-    """Smoothed boundary of a surface region: points (m from origin), unit tangents (n,3), weights (n,)."""
+    """Smoothed boundary of surface regions: points (m from the origin), unit tangents (n,3) as of an outline.
+
+    `block` (n,) numbers stretches of the boundary whose errors hang together; `front` says that the camera
+    sees the side that all regions' faces are wound for.
+    """
 
     points: FloatArray
     tangents: FloatArray
-    weights: FloatArray
+    block: IndexArray
+    front: bool
 
 
 @dataclass(frozen=True, eq=False)
 class ContourPair:
-    """Outline and boundary that should coincide in the photo."""
+    """Outline and boundary that should coincide; `alike` is the least cosine of normals that belong together."""
 
     image: ImageContour
     surface: SurfaceContour
+    alike: float = ALIKE
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,33 +61,58 @@ class Match:
     nearest: IndexArray
 
 
-def image_contour(loops: Sequence[FloatArray]) -> ImageContour:
-    """Smooth outlines (n,2) of pixel coordinates."""
-    points, normals, weights = [], [], []
+def image_contour(
+    loops: Sequence[FloatArray], hidden: BoolArray | None, half_width: int = HALF_WIDTH
+) -> ImageContour:
+    """Smooth outlines (n,2) of pixel coordinates; where `hidden` (H,W) is near, they do not count."""
+    points, normals = [], []
     for loop in loops:
         step = np.abs(np.roll(loop, -1, axis=0) - loop).sum(axis=1)
-        curve = smoothed(loop if np.all(step == 1.0) else resampled(loop, 1.0), HALF_WIDTH)
+        curve = smoothed(loop if np.all(step == 1.0) else resampled(loop, 1.0), half_width)
         points.append(curve.points)
         normals.append(np.stack([curve.tangents[:, 1], -curve.tangents[:, 0]], axis=1))
-        weights.append((curve.misfits < STRAIGHT).astype(np.float64))
-    everything = np.concatenate(points)
-    return ImageContour(everything, np.concatenate(normals), np.concatenate(weights), cKDTree(everything))
+    everything, outwards = np.concatenate(points), np.concatenate(normals)
+    weights = np.ones(len(everything))
+    if hidden is not None:
+        for reach in (-3.0, -1.5, 0.0, 1.5, 3.0):
+            u, v = np.rint(everything + reach * outwards).astype(np.int64).T
+            weights[hidden[np.clip(v, 0, hidden.shape[0] - 1), np.clip(u, 0, hidden.shape[1] - 1)]] = 0.0
+    return ImageContour(everything, outwards, weights, cKDTree(everything))
 
 
-def surface_contour(loops: Sequence[FloatArray], metres_per_pixel: float) -> SurfaceContour:
-    """Sample boundary loops (n,3) one pixel apart, smooth them as the outline is, and thin them out."""
-    points, tangents, weights = [], [], []
-    for loop in loops:
-        curve = smoothed(resampled(loop, metres_per_pixel), HALF_WIDTH)
-        points.append(curve.points)
-        tangents.append(curve.tangents)
-        weights.append((curve.misfits < STRAIGHT * metres_per_pixel).astype(np.float64))
-    stride = max(1, sum(map(len, points)) // SAMPLES)
+def surface_contour(
+    camera: Camera,
+    regions: Sequence[Sequence[FloatArray]],
+    rotation: FloatArray,
+    translation: FloatArray,
+    half_width: int = HALF_WIDTH,
+) -> SurfaceContour:
+    """Sample boundary loops (n,3) one pixel of this pose apart, smooth them as outlines are, thin out."""
+    points, tangents, blocks, turns = [], [], [], []
+    count = 0
+    for loops in regions:
+        size = metres_per_pixel(camera, loops, rotation, translation)
+        turns.append(_turn(loops, rotation, translation))
+        for loop in loops:
+            curve = smoothed(resampled(loop, size), half_width)
+            points.append(curve.points)
+            tangents.append(turns[-1] * curve.tangents)
+            blocks.append(count + np.arange(len(curve.points)) // BLOCK)
+            count = int(blocks[-1][-1]) + 1
+    stride = max(1, sum(map(len, points)) // (SAMPLES * len(regions)))
     return SurfaceContour(
         np.concatenate(points)[::stride],
         np.concatenate(tangents)[::stride],
-        np.concatenate(weights)[::stride],
+        np.concatenate(blocks)[::stride],
+        all(turn < 0 for turn in turns),
     )
+
+
+def outward(jacobian: FloatArray, tangents: FloatArray) -> FloatArray:
+    """Outward unit normals (n,2) in the photo of a boundary with tangents (n,3) in the camera frame."""
+    direction = np.einsum("nij,nj->ni", jacobian, tangents)
+    direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-300)
+    return np.stack([direction[:, 1], -direction[:, 0]], axis=1)
 
 
 def match(camera: Camera, pair: ContourPair, rotation: FloatArray, translation: FloatArray) -> Match:
@@ -94,10 +125,9 @@ def match(camera: Camera, pair: ContourPair, rotation: FloatArray, translation: 
     distances = np.sum(normals * (pixels - pair.image.points[nearest]), axis=1)
     across = np.einsum("ni,nij->nj", normals, jacobian)
     slope = np.concatenate([np.cross(turned, across), across], axis=1)
-    direction = np.einsum("nij,nj->ni", jacobian, pair.surface.tangents @ rotation.T)
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    alike = np.abs(direction[:, 1] * normals[:, 0] - direction[:, 0] * normals[:, 1]) > ALIKE
-    usable = seen & alike & (pair.image.weights[nearest] * pair.surface.weights > 0)
+    drawn = outward(jacobian, pair.surface.tangents @ rotation.T)
+    alike = np.sum(drawn * normals, axis=1) > pair.alike
+    usable = seen & alike & (pair.image.weights[nearest] > 0)
     return Match(np.where(usable, distances, np.nan), np.where(usable[:, None], slope, 0.0), nearest)
 
 
@@ -114,7 +144,7 @@ def refine_by_contours(
         for pair in pairs:
             found = match(camera, pair, rotation, translation)
             distances = np.nan_to_num(found.distances)
-            weights = np.where(np.isfinite(found.distances), 1.0 / (1.0 + (distances / scale) ** 2) ** 2, 0.0)
+            weights = robust_weights(found.distances, scale)
             weighted = found.jacobian * weights[:, None]
             normal += weighted.T @ found.jacobian
             gradient += weighted.T @ distances
@@ -124,25 +154,17 @@ def refine_by_contours(
     return rotation, translation
 
 
-def contour_pairs(
-    camera: Camera,
-    pixel_loops: Sequence[Sequence[FloatArray]],
-    surface_loops: Sequence[Sequence[FloatArray]],
-    rotation: FloatArray,
-    translation: FloatArray,
-) -> list[ContourPair]:
-    """Outlines and boundaries of every pair, the boundaries sampled one pixel apart at this pose."""
-    pairs = []
-    for outlines, boundaries in zip(pixel_loops, surface_loops, strict=True):
-        size = _metres_per_pixel(camera, boundaries, rotation, translation)
-        pairs.append(ContourPair(image_contour(outlines), surface_contour(boundaries, size)))
-    return pairs
+def _turn(loops: Sequence[FloatArray], rotation: FloatArray, translation: FloatArray) -> float:
+    """1 where the longest loop's area vector points away from the camera, as an outline's does; else -1."""
+    loop = max(loops, key=_length)
+    area = np.cross(loop - loop[0], np.roll(loop, -1, axis=0) - loop[0]).sum(axis=0)
+    return float(np.sign((rotation @ area) @ (rotation @ loop.mean(axis=0) + translation))) or 1.0
 
 
-def _metres_per_pixel(
+def metres_per_pixel(
     camera: Camera, loops: Sequence[FloatArray], rotation: FloatArray, translation: FloatArray
 ) -> float:
-    """Mean length on the surface of a pixel along the boundary."""
+    """Median length on the surface of a pixel along the boundary."""
     points = np.concatenate([resampled(loop, _length(loop) / 64) for loop in loops])
     pixels = camera.project(points @ rotation.T + translation)
     steps = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
@@ -150,15 +172,13 @@ def _metres_per_pixel(
     return float(1.0 / np.nanmedian(drawn / np.maximum(steps, 1e-300)))
 
 
+def robust_weights(distances: FloatArray, scale: float) -> FloatArray:
+    """Geman-McClure weights (n,) of distances (px), zero for those that are NaN."""
+    return np.where(np.isfinite(distances), 1.0 / (1.0 + (np.nan_to_num(distances) / scale) ** 2) ** 2, 0.0)
+
+
 def _length(loop: FloatArray) -> float:
     return float(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1).sum())
-
-
-def distances_of(
-    camera: Camera, pairs: Sequence[ContourPair], rotation: FloatArray, translation: FloatArray
-) -> FloatArray:
-    """Distances (px) of all boundary samples, NaN where no outline belongs."""
-    return np.concatenate([match(camera, pair, rotation, translation).distances for pair in pairs])
 
 
 def lock_ratio(distances: FloatArray) -> float:

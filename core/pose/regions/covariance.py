@@ -8,7 +8,14 @@ import numpy as np
 
 from ...arrays import FloatArray
 from ...geometry.rigid import skew
+from .contour import ContourPair, Match, robust_weights
 from .moment_pair import MomentPair
+
+FINAL_SCALE = 0.5
+"""Pixels at which a distance loses its weight in the last step of the outline stage."""
+
+GRAIN = 0.1
+"""Pixels of error that a smoothed pixel outline keeps at every sample, however well it fits."""
 
 
 def moment_covariance(
@@ -22,6 +29,33 @@ def moment_covariance(
         squares += float(residual[0] @ residual[0])
         equations += residual.shape[1]
     return squares / (equations - 6) * stable_inverse(normal)
+
+
+def outline_covariance(pairs: Sequence[ContourPair], matches: Sequence[Match]) -> FloatArray:
+    """Covariance (6,6) of (turn about the origin, shift) from the distances left between outlines.
+
+    Errors hang together along a stretch of boundary, so that stretches, not samples, count as independent:
+    the sandwich `H⁻¹ (Σ g gᵀ) H⁻¹` with one gradient g per stretch, plus the grain of the pixels.
+    Source: White 1980; Liang and Zeger 1986.
+    """
+    normal, spread, stretches = np.zeros((6, 6)), np.zeros((6, 6)), 0
+    for pair, found in zip(pairs, matches, strict=True):
+        weights = robust_weights(found.distances, FINAL_SCALE)
+        distances = np.nan_to_num(found.distances)
+        weighted = found.jacobian * weights[:, None]
+        normal += weighted.T @ found.jacobian
+        block = pair.surface.block
+        gradients = np.zeros((int(block.max()) + 1, 6))
+        np.add.at(gradients, block, weighted * distances[:, None])
+        grain = np.zeros((len(gradients), 6, 6))
+        np.add.at(grain, block, weighted[:, :, None] * weighted[:, None, :])
+        counted = np.count_nonzero(np.any(gradients != 0, axis=1))
+        stretches += counted
+        spread += gradients.T @ gradients + GRAIN**2 * grain.sum(axis=0)
+    inverse = stable_inverse(normal)
+    correction = stretches / max(stretches - 6, 1)
+    covariance: FloatArray = correction * inverse @ spread @ inverse
+    return covariance
 
 
 def stable_inverse(normal: FloatArray) -> FloatArray:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...arrays import FloatArray
+from ...arrays import BoolArray, FloatArray
 from ...cameras.base import Camera
 from ...errors import RegionError
-from ...geometry.boundary import without_collinear
+from ...geometry.boundary import subdivided, without_collinear
 from ...geometry.charts import chart_around
 from ...geometry.outlines import loop_area
 from ...regions import ImageRegion, SurfaceRegion
@@ -25,24 +25,42 @@ SMALLEST_AREA = 60.0
 SPECKLE = 0.01
 """Loops smaller than this share of their region's largest are dropouts of a scan or slips of a wand."""
 
+WHOLE = 0.02
+"""Share of an outline that may be hidden while the region still counts as whole."""
+
+SHORT = 4.0
+"""Longest step (px) of an outline that is taken for straight in any lens."""
+
 COLLINEAR = 2e-5
 """Boundary vertices this close to a straight line, as a share of the region's size, are left out."""
+
+
+@dataclass(frozen=True, eq=False)
+class OutlinePair:
+    """What should coincide in the photo: outlines (n,2) px, and boundaries of regions, each loops (n,3) m.
+
+    `hidden` (H,W) marks pixels where the outline is not seen; a `partial` pair lacks part of its shape, so
+    that its moments tell nothing.
+    """
+
+    outlines: tuple[FloatArray, ...]
+    boundaries: tuple[tuple[FloatArray, ...], ...]
+    hidden: BoolArray | None
+    partial: bool
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
     """Regions of one photo relative to `origin` (3,) in the world, so that large coordinates cost no digits.
 
-    `pixel_loops[i]` are the photo's outlines (n,2) in pixels, `surface_loops[j]` the boundaries (n,3) in
-    metres from the origin; `pairs[k]` join them. Paired: one pair per region. Unpaired: one pair over all.
+    `outlines` holds every pair of regions (unpaired: one pair over all), `moments` the equations of those
+    that are whole.
     """
 
     camera: Camera
     origin: FloatArray
-    pixel_loops: tuple[tuple[FloatArray, ...], ...]
-    surface_loops: tuple[tuple[FloatArray, ...], ...]
-    pairs: tuple[MomentPair, ...]
-    paired: bool
+    outlines: tuple[OutlinePair, ...]
+    moments: tuple[MomentPair, ...]
 
 
 def make_problem(
@@ -60,28 +78,108 @@ def make_problem(
     """
     _check_numbers(image_regions, surface_regions, paired)
     for region in image_regions:
-        check_image_region(camera, region)
+        _check_image_region(camera, region)
     origin = _origin(surface_regions)
-    pixels = tuple(_without_speckles(region.loops, _pixel_area) for region in image_regions)
-    surfaces = tuple(
+    edges = open_edges(camera)
+    surfaces = [
         _without_speckles(tuple(loop - origin for loop in region.loops), _space_area)
         for region in surface_regions
-    )
-    parts = [_simplified(loops) for loops in surfaces]
+    ]
     if paired:
-        pairs = [_pair(camera, loops, [part]) for loops, part in zip(pixels, parts, strict=True)]
+        outlines = [
+            _outline_pair(camera, edges, [region], [loops])
+            for region, loops in zip(image_regions, surfaces, strict=True)
+        ]
     else:
-        pairs = [_pair(camera, [loop for loops in pixels for loop in loops], parts)]
-    return Problem(camera, origin, pixels, surfaces, tuple(pairs), paired)
+        outlines = [_outline_pair(camera, edges, image_regions, surfaces)]
+    whole = _usable_for_moments(outlines, image_regions)
+    return Problem(camera, origin, tuple(outlines), tuple(_moment_pair(camera, pair) for pair in whole))
 
 
-def check_image_region(camera: Camera, region: ImageRegion) -> None:
+def open_edges(camera: Camera) -> BoolArray:
+    """Which edges of the frame (left, top, right, bottom) cut the view off: a panorama's seam and poles do not."""
+    u, v = np.linspace(0, camera.width - 1.0, 9), np.linspace(0, camera.height - 1.0, 9)
+    left, right = np.full(9, -0.5), np.full(9, camera.width - 0.5)
+    top, bottom = np.full(9, -0.5), np.full(9, camera.height - 0.5)
+    sides = [
+        camera.unproject(np.stack(pixels, axis=1))
+        for pixels in ((left, v), (u, top), (right, v), (u, bottom))
+    ]
+    joined = bool(np.all(np.abs(sides[0] - sides[2]) < 1e-6))
+    poles = [bool(np.all(np.abs(side - side[0]) < 1e-6)) for side in (sides[1], sides[3])]
+    return ~np.array([joined, poles[0], joined, poles[1]])
+
+
+def _outline_pair(
+    camera: Camera,
+    edges: BoolArray,
+    regions: Sequence[ImageRegion],
+    surfaces: Sequence[tuple[FloatArray, ...]],
+) -> OutlinePair:
+    loops = tuple(loop for region in regions for loop in _without_speckles(region.loops, _pixel_area))
+    hidden = _beyond_frame(camera, loops)
+    partial = False
+    if hidden is not None:
+        touched = [np.any(_near_edges(camera, loop), axis=0) for loop in loops]
+        partial = bool(np.any(np.any(touched, axis=0) & edges))
+    for region in regions:
+        if region.hidden is not None:
+            hidden = region.hidden if hidden is None else hidden | region.hidden
+            partial = partial or _share_hidden(loops, region.hidden) > WHOLE
+    return OutlinePair(loops, tuple(surfaces), hidden, partial)
+
+
+def _near_edges(camera: Camera, loop: FloatArray) -> BoolArray:
+    """Which of a loop's points (n,2) lie on the left, top, right and bottom edge of the frame: (n,4)."""
+    u, v = loop.T
+    return np.stack([u < -0.25, v < -0.25, u > camera.width - 0.75, v > camera.height - 0.75], axis=1)
+
+
+def _beyond_frame(camera: Camera, loops: Sequence[FloatArray]) -> BoolArray | None:
+    """Mask of the frame's border if the outline touches it: there the photo ends, not the region."""
+    if not any(np.any(_near_edges(camera, loop)) for loop in loops):
+        return None
+    border = np.zeros((camera.height, camera.width), dtype=bool)
+    border[:3] = border[-3:] = border[:, :3] = border[:, -3:] = True
+    return border
+
+
+def _share_hidden(loops: Sequence[FloatArray], hidden: BoolArray) -> float:
+    points = np.rint(np.concatenate(list(loops))).astype(np.int64)
+    u = np.clip(points[:, 0], 0, hidden.shape[1] - 1)
+    v = np.clip(points[:, 1], 0, hidden.shape[0] - 1)
+    return float(np.mean(hidden[v, u]))
+
+
+def _usable_for_moments(
+    outlines: Sequence[OutlinePair], image_regions: Sequence[ImageRegion]
+) -> list[OutlinePair]:
+    """Pairs whose whole shape is known; those with hidden parts only if there are no others.
+
+    Raises
+    ------
+    RegionError
+        Every region is cut off by the photo's edge.
+    """
+    whole = [pair for pair in outlines if not pair.partial]
+    if whole:
+        return whole
+    drawn = [pair for pair, region in zip(outlines, image_regions, strict=False) if region.hidden is not None]
+    if drawn:
+        return drawn
+    raise RegionError(
+        f"{described(image_regions[0].name)} touches the edge of the photo: part of its outline is missing; "
+        "mark at least one region that is wholly visible."
+    )
+
+
+def _check_image_region(camera: Camera, region: ImageRegion) -> None:
     """Refuse a region of the photo that cannot give a pose.
 
     Raises
     ------
     RegionError
-        Mask of another size than the photo, too small, touching the photo's edge, or beyond the lens's field.
+        Mask of another size than the photo, polygon beyond it, or too small.
     """
     name = described(region.name)
     if region.frame is not None and region.frame != (camera.width, camera.height):
@@ -91,12 +189,8 @@ def check_image_region(camera: Camera, region: ImageRegion) -> None:
         )
     if region.area < SMALLEST_AREA:
         raise RegionError(f"{name} has only {region.area:.0f} pixels: too small to find a pose from.")
-    points = np.concatenate(region.loops)
-    if not np.all(camera.in_frame(points, margin=0.25)):
-        raise RegionError(
-            f"{name} touches the edge of the photo, so part of its outline is missing: "
-            "leave it out or choose a region that is wholly visible."
-        )
+    if not np.all(camera.in_frame(np.concatenate(region.loops))):
+        raise RegionError(f"{name} reaches beyond the photo: keep its outline inside.")
 
 
 def _check_numbers(
@@ -118,15 +212,22 @@ def _origin(surface_regions: Sequence[SurfaceRegion]) -> FloatArray:
     return middle
 
 
-def _pair(camera: Camera, loops: Sequence[FloatArray], parts: Sequence[Edges]) -> MomentPair:
-    rays = [camera.unproject(loop) for loop in loops]
+def _moment_pair(camera: Camera, pair: OutlinePair) -> MomentPair:
+    rays = [camera.unproject(_with_short_steps(loop)) for loop in pair.outlines]
     bundle = np.concatenate(rays)
     if not np.all(np.isfinite(bundle)):
         raise RegionError(
             "A region reaches beyond the field of the camera's lens model: leave that part out."
         )
     chart = chart_around(bundle)
-    return moment_pair(chart, loop_edges([chart.flatten(loop) for loop in rays]), tuple(parts))
+    parts = tuple(_simplified(loops, chart.equal_area) for loops in pair.boundaries)
+    return moment_pair(chart, loop_edges([chart.flatten(loop) for loop in rays]), parts)
+
+
+def _with_short_steps(loop: FloatArray) -> FloatArray:
+    """Outline with steps so short that it may be taken for straight in any lens."""
+    steps = np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1)
+    return loop if steps.max() <= SHORT else subdivided(loop, SHORT)
 
 
 def loop_edges(loops: Sequence[FloatArray]) -> Edges:
@@ -134,9 +235,11 @@ def loop_edges(loops: Sequence[FloatArray]) -> Edges:
     return np.concatenate(list(loops)), np.concatenate([np.roll(loop, -1, axis=0) for loop in loops])
 
 
-def _simplified(loops: Sequence[FloatArray]) -> Edges:
+def _simplified(loops: Sequence[FloatArray], curved_chart: bool) -> Edges:
+    """Boundary edges without needless vertices; short ones where the chart bends straight lines."""
     size = float(np.linalg.norm(np.ptp(np.concatenate(list(loops)), axis=0)))
-    return loop_edges([without_collinear(loop, COLLINEAR * size) for loop in loops])
+    lean = [without_collinear(loop, COLLINEAR * size) for loop in loops]
+    return loop_edges([subdivided(loop, size / 60) for loop in lean] if curved_chart else lean)
 
 
 def _without_speckles(loops: tuple[FloatArray, ...], area: AreaOf) -> tuple[FloatArray, ...]:

@@ -1,0 +1,116 @@
+"""Search around a moment solution for the pose at which most of the boundary lies exactly on the outline.
+
+Moments average over all drawing errors; where these are gross (bites and bumps), part of the outline is still
+right. Each boundary sample keeps the offsets of the outline pieces it may belong to, as a linear function of the
+pose, so that hundreds of poses are scored with a few array operations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...arrays import FloatArray
+from ...cameras.base import Camera
+from .contour import ContourPair, outward
+
+NEIGHBOURS = 32  # outline points looked at per boundary sample: about 10 px on a plain outline
+BESIDE = 0.71  # px along the outline within which a point is opposite to the sample
+CHOICES = 4  # offsets kept per sample
+SAMPLES = 120  # boundary samples per region
+DRAWS = 400  # poses tried
+CLIMBS = 16  # of these, the best ones climb
+STRETCH = 1.4  # the draws spread wider than the moments' covariance says
+NEAR = 0.7  # px: as close as outline and boundary come where both are right
+CLIMB_SCALES = (2.0, 1.5, 1.5, 1.2, 1.0, 0.8, 0.7, 0.6, 0.5, 0.5)
+
+
+@dataclass(frozen=True, eq=False)
+class Offsets:
+    """Signed distances (N,C) px from outline pieces to N boundary samples, inf for none; slopes (N,6)."""
+
+    values: FloatArray
+    jacobian: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Consensus:
+    """Steps (K,6) from the pose searched around, best first, and the share (K,) of samples that come near."""
+
+    steps: FloatArray
+    shares: FloatArray
+
+
+def outline_offsets(
+    camera: Camera, pairs: Sequence[ContourPair], rotation: FloatArray, translation: FloatArray
+) -> Offsets:
+    """Collect, for every boundary sample, its offsets from outline pieces that run alike opposite to it."""
+    values, slopes = [], []
+    for pair in pairs:
+        stride = max(1, len(pair.surface.points) // SAMPLES)
+        turned = pair.surface.points[::stride] @ rotation.T
+        pixels, jacobian = camera.project_with_jacobian(turned + translation)
+        normals = outward(jacobian, pair.surface.tangents[::stride] @ rotation.T)
+        seen = np.all(np.isfinite(pixels), axis=1) & np.all(np.isfinite(normals), axis=1)
+        pixels, normals, jacobian, turned = pixels[seen], normals[seen], jacobian[seen], turned[seen]
+        values.append(_offsets(pair, pixels, normals))
+        across = np.einsum("ni,nij->nj", normals, jacobian)
+        slopes.append(np.concatenate([np.cross(turned, across), across], axis=1))
+    return Offsets(np.concatenate(values), np.concatenate(slopes))
+
+
+def _offsets(pair: ContourPair, pixels: FloatArray, normals: FloatArray) -> FloatArray:
+    """Offsets (n, CHOICES) of the nearest outline pieces opposite to each pixel, inf for fewer."""
+    count = min(NEIGHBOURS, len(pair.image.points))
+    near = np.asarray(pair.image.tree.query(pixels, k=count)[1]).reshape(len(pixels), count)
+    there = pair.image.normals[near]
+    away = pixels[:, None] - pair.image.points[near]
+    alike = np.einsum("nkj,nj->nk", there, normals) > pair.alike
+    beside = np.abs(there[..., 0] * away[..., 1] - there[..., 1] * away[..., 0]) < BESIDE
+    offset = there[..., 0] * away[..., 0] + there[..., 1] * away[..., 1]
+    offset = np.where(alike & beside & (pair.image.weights[near] > 0), offset, np.inf)
+    nearest = np.argsort(np.abs(offset), axis=1)[:, :CHOICES]
+    return np.take_along_axis(offset, nearest, axis=1)
+
+
+def search_consensus(
+    offsets: Offsets, covariance: FloatArray, generator: np.random.Generator, near: float = NEAR
+) -> Consensus:
+    """Draw poses from `covariance` (6,6), let the best climb by reweighted least squares, rank by consensus."""
+    spread = np.linalg.cholesky(covariance)
+    slope = offsets.jacobian @ spread
+    choices = [np.ascontiguousarray(column) for column in offsets.values.T]
+    draws = STRETCH * generator.standard_normal((DRAWS, 6))
+    draws[0] = 0.0
+    distance = _nearest(choices, draws @ slope.T)
+    score = (1.0 / (1.0 + (distance / (2.0 * near)) ** 2)).sum(axis=1)
+    climbers = draws[np.argsort(-score)[:CLIMBS]]
+    climbers[-1] = 0.0
+    for scale in CLIMB_SCALES:
+        climbers = climbers - _ascent(choices, slope, climbers, scale * near / NEAR)
+    shares = np.mean(np.abs(_nearest(choices, climbers @ slope.T)) < near, axis=1)
+    order = np.argsort(-shares)
+    return Consensus(climbers[order] @ spread.T, shares[order])
+
+
+def _nearest(choices: Sequence[FloatArray], shift: FloatArray) -> FloatArray:
+    """Smallest signed distance per pose and sample: choices C x (N,), shift (K,N) -> (K,N)."""
+    best = choices[0] + shift
+    for column in choices[1:]:
+        other = column + shift
+        np.copyto(best, other, where=np.abs(other) < np.abs(best))
+    return best
+
+
+def _ascent(
+    choices: Sequence[FloatArray], slope: FloatArray, climbers: FloatArray, scale: float
+) -> FloatArray:
+    """Reweighted least-squares step (K,6) at a scale (px), held by a weak pull to where it is."""
+    distance = _nearest(choices, climbers @ slope.T)
+    weight = 1.0 / (1.0 + (distance / scale) ** 2) ** 2
+    weighted = np.where(np.isfinite(distance), distance, 0.0) * weight
+    normal = (slope.T * weight[:, None]) @ slope + 1e-6 * np.eye(6)
+    step: FloatArray = np.linalg.solve(normal, (weighted @ slope)[..., None])[..., 0]
+    return step

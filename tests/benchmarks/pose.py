@@ -1,0 +1,230 @@
+"""Benchmark of poses from regions: `python tests/benchmarks/pose.py [--quick] [--only TEXT] [--write]`.
+
+Draws the published protocol's cases with our own shapes, solves them without hints, and prints one Markdown row
+per setting; `--write` puts the table into docs/benchmarks.md. Times are CPU times of one thread.
+"""
+
+import argparse
+import os
+import sys
+import time
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).parent))
+
+import cv2
+import numpy as np
+import pose_cases as cases
+from fresco.core.cameras import (
+    CatadioptricCamera,
+    EquirectangularCamera,
+    FisheyeCamera,
+    PolynomialCamera,
+)
+from fresco.core.errors import FrescoError
+from fresco.core.geometry.outlines import fill_loops
+from fresco.core.geometry.rigid import log_so3, rotation_angle
+from fresco.core.pose import estimate_pose
+from fresco.core.regions import ImageRegion, SurfaceRegion
+
+cv2.setNumThreads(1)
+WIDTH, HEIGHT = cases.WIDTH, cases.HEIGHT
+CENTRE = [(WIDTH - 1) / 2, (HEIGHT - 1) / 2]
+WIDE = {"depth": (1.0, 3.0), "spread": 0.5}
+
+
+def fisheye():
+    return FisheyeCamera(
+        WIDTH, HEIGHT, [[560, 0, CENTRE[0]], [0, 560, CENTRE[1]], [0, 0, 1]], [0.02, -0.01, 0.003, -0.0005]
+    )
+
+
+def polynomial():
+    return PolynomialCamera(
+        WIDTH, HEIGHT, CENTRE, [520.0, 0.0, -6e-4, 1e-7, -2e-10], (1.001, 0.0005, -0.0004)
+    )
+
+
+def unified():
+    return CatadioptricCamera(WIDTH, HEIGHT, [[1000, 0, CENTRE[0]], [0, 1000, CENTRE[1]], [0, 0, 1]], 0.9)
+
+
+def panorama():
+    return EquirectangularCamera(4096, 2048)
+
+
+# name: (arguments of make_case, target rotation, share within 1 degree, translation mm, delta %)
+SETTINGS = {
+    "3 regions, exact": ({"regions": 3}, (0.005, 100, 0.2, 0.03)),
+    "3 regions, 5 %": ({"regions": 3, "image_error": 0.05}, None),
+    "3 regions, 12 %": ({"regions": 3, "image_error": 0.12}, (0.025, 99.5, 0.7, 0.15)),
+    "3 regions, 20 %": ({"regions": 3, "image_error": 0.20}, (0.30, 97, 9, 2.5)),
+    "3 regions, 3-D 12 %": ({"regions": 3, "surface_error": 0.12}, None),
+    "3 regions, 3-D 20 %": ({"regions": 3, "surface_error": 0.20}, (0.30, 97, 9, 2.5)),
+    "polynomial, 3 regions, 12 %": (
+        {"regions": 3, "image_error": 0.12, "camera": polynomial, **WIDE},
+        (0.05, 99.5, 0.7, 0.3),
+    ),
+    "unified sphere, 3 regions, 12 %": (
+        {"regions": 3, "image_error": 0.12, "camera": unified, **WIDE},
+        (0.05, 99.5, 0.7, 0.3),
+    ),
+    "fisheye, 3 regions, 12 %": (
+        {"regions": 3, "image_error": 0.12, "camera": fisheye, **WIDE},
+        (0.05, 99.5, 0.7, 0.3),
+    ),
+    "panorama, 3 regions, 12 %": (
+        {"regions": 3, "image_error": 0.12, "camera": panorama, **WIDE},
+        (0.05, 99.5, 0.7, 0.3),
+    ),
+    "2 regions, 12 %": ({"regions": 2, "image_error": 0.12}, (0.045, 97, 1.1, 0.17)),
+    "2 regions, 20 %": ({"regions": 2, "image_error": 0.20}, None),
+    "1 region, exact": ({"regions": 1}, (0.02, 99, None, None)),
+    "1 region, 5 %": ({"regions": 1, "image_error": 0.05}, (0.045, 98, None, None)),
+    "1 region, 12 %": ({"regions": 1, "image_error": 0.12}, (0.5, 70, None, None)),
+    "1 region, 20 %": ({"regions": 1, "image_error": 0.20}, None),
+    "1 curved region, exact": ({"regions": 1, "curved": True}, (0.05, 100, None, 0.08)),
+    "1 curved region, 10 %": ({"regions": 1, "curved": True, "image_error": 0.10}, (0.12, 90, None, 0.2)),
+    "unpaired, 3 regions, 12 %": (
+        {"regions": 3, "image_error": 0.12, "unpaired": True},
+        (0.05, 97, None, None),
+    ),
+}
+
+
+def solve(case, unpaired):
+    """Pose (or None) and CPU seconds from masks to pose."""
+    start = time.process_time()
+    try:
+        images = [ImageRegion.from_mask(mask) for mask in case.masks]
+        surfaces = [SurfaceRegion(*mesh) for mesh in case.surfaces]
+        pose = estimate_pose(case.camera, images, surfaces, paired=not unpaired)
+    except FrescoError:
+        pose = None
+    return pose, time.process_time() - start
+
+
+def errors(case, pose):
+    """Rotation (degrees), translation at the regions (mm), overlap with the clean masks (%), NEES."""
+    rotation = float(np.degrees(rotation_angle(pose.rotation @ case.rotation.T)))
+    centres = np.array([np.concatenate(loops).mean(axis=0) for loops in case.outlines])
+    difference = (centres - pose.centre) @ pose.rotation.T - (centres - true_centre(case)) @ case.rotation.T
+    turn = log_so3(pose.rotation @ case.rotation.T)
+    off = np.concatenate([turn, pose.centre - true_centre(case)])
+    normalised = float(off @ np.linalg.solve(pose.covariance, off))
+    return rotation, 1000 * float(np.linalg.norm(difference, axis=1).mean()), overlap(case, pose), normalised
+
+
+def true_centre(case):
+    return -case.rotation.T @ case.translation
+
+
+def overlap(case, pose):
+    """Overlap error with the uncorrupted masks, percent."""
+    differing = total = 0
+    for clean, loops in zip(case.clean, case.outlines, strict=True):
+        pixels = [case.camera.project((loop - pose.centre) @ pose.rotation.T) for loop in loops]
+        if not all(np.all(np.isfinite(loop)) for loop in pixels):
+            return 100.0
+        drawn = fill_loops(pixels, case.camera.width, case.camera.height)
+        differing += np.count_nonzero(drawn != clean)
+        total += np.count_nonzero(drawn) + np.count_nonzero(clean)
+    return 100.0 * differing / total
+
+
+def run(name, count, seed):
+    arguments, target = SETTINGS[name]
+    arguments = dict(arguments)
+    unpaired = arguments.pop("unpaired", False)
+    if "camera" in arguments:
+        arguments["camera"] = arguments["camera"]()
+    generator = np.random.default_rng([seed, *name.encode()])
+    rows, flagged, locked, seconds = [], [], [], []
+    for _ in range(count):
+        case = cases.make_case(generator, **arguments)
+        pose, spent = solve(case, unpaired)
+        seconds.append(spent)
+        flagged.append(pose is None or pose.ambiguous)
+        locked.append(pose is not None and pose.locked)
+        rows.append(errors(case, pose) if pose else (180.0, np.inf, 100.0, np.nan))
+        if VERBOSE and (rows[-1][0] > 1 or rows[-1][3] > 40):
+            alternatives = [round(errors(case, a)[0], 2) for a in pose.alternatives] if pose else []
+            print(
+                "  ",
+                case.shapes,
+                np.round(rows[-1], 3),
+                "locked" if locked[-1] else "",
+                alternatives,
+                "flagged" if flagged[-1] else "",
+                pose and round(pose.rotation_sigma, 3),
+            )
+    return summary(name, np.array(rows), np.array(flagged), np.array(locked), np.array(seconds), target)
+
+
+def summary(name, rows, flagged, locked, seconds, target):
+    middle = np.nanmedian(rows, axis=0)
+    trusted = rows[np.isfinite(rows[:, 3]) & ~flagged, 3]
+    return {
+        "setting": name,
+        "rotation": middle[0],
+        "within": 100 * np.mean(rows[:, 0] < 1.0),
+        "translation": middle[1],
+        "delta": middle[2],
+        "wrong": 100 * np.mean((rows[:, 0] > 3.0) & ~flagged),
+        "flagged": 100 * np.mean(flagged),
+        "locked": 100 * np.mean(locked),
+        "nees": float(np.mean(trusted)) if len(trusted) else np.nan,
+        "nees_median": float(np.median(trusted)) if len(trusted) else np.nan,
+        "ms": 1000 * float(np.median(seconds)),
+        "target": target,
+    }
+
+
+def row(result):
+    def against(value, limit, digits, sign="≤"):
+        text = f"{value:.{digits}f}"
+        return text if limit is None else f"{text} ({sign} {limit:g})"
+
+    target = result["target"] or (None,) * 4
+    cells = [
+        result["setting"],
+        against(result["rotation"], target[0], 4),
+        against(result["within"], target[1], 1, "≥"),
+        against(result["translation"], target[2], 2),
+        against(result["delta"], target[3], 3),
+        f"{result['wrong']:.1f}",
+        f"{result['flagged']:.1f}",
+        f"{result['locked']:.0f}",
+        f"{result['nees']:.1f} / {result['nees_median']:.1f}",
+        f"{result['ms']:.0f}",
+    ]
+    return "| " + " | ".join(cells) + " |"
+
+
+HEADER = """| setting | rotation ° | within 1° % | translation mm | δ % | wrong % | flagged % | locked % | NEES mean / median | ms |
+|---|---|---|---|---|---|---|---|---|---|"""
+
+VERBOSE = False
+
+
+def main():
+    global VERBOSE
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--count", type=int)
+    parser.add_argument("--only", default="")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--verbose", action="store_true")
+    options = parser.parse_args()
+    VERBOSE = options.verbose
+    count = options.count or (40 if options.quick else 200)
+    print(HEADER, flush=True)
+    for name in SETTINGS:
+        if options.only in name:
+            print(row(run(name, count, options.seed)), flush=True)
+
+
+if __name__ == "__main__":
+    main()
