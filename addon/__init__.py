@@ -1,56 +1,18 @@
-"""Fresco in Blender: operators, panels and what the .blend keeps. Computation is in `core`."""
+"""Fresco in Blender: operators, panels and what the .blend keeps. Computation is in `core`.
 
-from __future__ import annotations
-
-import bpy
-
-from . import cli, jobs, preferences, properties, settings
-from .operators import export, photos, pose, project, regions, scan, texture
-from .panels import base as base_panel
-from .panels import export as export_panel
-from .panels import photos as photos_panel
-from .panels import pose as pose_panel
-from .panels import regions as regions_panel
-from .panels import scan as scan_panel
-from .panels import texture as texture_panel
-
-_MODULES = (
-    jobs,
-    preferences,
-    settings,
-    properties,
-    scan,
-    photos,
-    regions,
-    pose,
-    texture,
-    project,
-    export,
-    base_panel,
-    scan_panel,
-    photos_panel,
-    regions_panel,
-    pose_panel,
-    texture_panel,
-    export_panel,
-)
-_commands: list[object] = []  # Blender's handles of registered commands
-_CLASSES = tuple(cls for module in _MODULES for cls in module.CLASSES)
+Blender is imported only where it is registered with: the command line can say that it is missing.
+"""
 
 
 def register() -> None:
-    """Register all classes, then hang the data on scene and window manager."""
-    for cls in _CLASSES:
-        bpy.utils.register_class(cls)
-    properties.attach()
-    jobs.attach()
-    _commands.append(bpy.utils.register_cli_command("fresco", cli.blender_command))
+    """Register everything in Blender."""
+    from . import registration
+
+    registration.register()
 
 
 def unregister() -> None:
-    """Undo `register`, in reverse."""
-    bpy.utils.unregister_cli_command(_commands.pop())
-    jobs.detach()
-    properties.detach()
-    for cls in reversed(_CLASSES):
-        bpy.utils.unregister_class(cls)
+    """Undo `register`."""
+    from . import registration
+
+    registration.unregister()

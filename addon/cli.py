@@ -11,10 +11,7 @@ from pathlib import Path
 
 from ..core.errors import FrescoError, ProjectError
 from ..core.jobs import Job, Progress, drain, part
-from ..core.project.entries import Project
-from ..core.project.load import load_project
-from ..core.project.poses import PhotoPose
-from ..core.project.run import ProjectResult, run_project_job
+from ..core.project import PhotoPose, Project, ProjectResult, load_project, run_project_job
 
 DONE, FAILED, WRONG_PROJECT = 0, 1, 2
 _BLENDER_MISSING = (

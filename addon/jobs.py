@@ -179,6 +179,7 @@ class JobOperator(StepOperator):
     def _advance(self, context: bpy.types.Context) -> set[str]:
         until = time.perf_counter() + SLICE
         try:
+            progress = next(self._job)
             while time.perf_counter() < until:
                 progress = next(self._job)
             self._show(context, progress)

@@ -17,7 +17,7 @@ from ..core.arrays import FloatArray
 from ..core.errors import OutputError
 from ..core.files import output_error
 from ..core.jobs import Job, Progress, part
-from ..core.project.textures import TexturedScan
+from ..core.project import TexturedScan
 from ..core.report import Report, write_report_job
 from ..core.scans import Scan
 from ..core.texture import write_obj_job

@@ -31,6 +31,10 @@ def _photo_chosen(self: FrescoScene, context: bpy.types.Context) -> None:
         frame_photo(context.scene, photo)
 
 
+# Blender 4.5 warns of relative paths in properties that do not say that they take them.
+RELATIVE_PATH = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
+
+
 class FrescoMark(bpy.types.PropertyGroup):
     """One region as marked in one photo: its mask."""
 
@@ -130,7 +134,8 @@ class FrescoExportSettings(bpy.types.PropertyGroup):
         name="Folder",
         subtype="DIR_PATH",
         default="//fresco/",
-        description="Folder for all exported files",
+        options=RELATIVE_PATH,
+        description="Folder for all exported files; // is that of the .blend",
     )
     name: bpy.props.StringProperty(
         name="File name", default="", description="Name of the files, without ending; empty: the scan's name"
@@ -139,15 +144,15 @@ class FrescoExportSettings(bpy.types.PropertyGroup):
         name="glTF (.glb)", default=True, description="One file with scan, texture and cameras"
     )
     write_obj: bpy.props.BoolProperty(
-        name="OBJ (.obj, .mtl)",
+        name="OBJ (.obj)",
         default=True,
-        description="Scan in true coordinates with the original photos",
+        description="Scan in true coordinates, its materials naming the original photos",
     )
     write_report: bpy.props.BoolProperty(
         name="Report (.html)", default=True, description="One page with pictures and numbers"
     )
     write_blend: bpy.props.BoolProperty(
-        name="Copy of this file (.blend)", default=False, description="A copy of the .blend beside the rest"
+        name="Blender (.blend)", default=False, description="A copy of this .blend beside the rest"
     )
 
     @staticmethod
@@ -172,6 +177,7 @@ class FrescoScene(bpy.types.PropertyGroup):
     regions: bpy.props.CollectionProperty(type=FrescoRegion)
     region_index: bpy.props.IntProperty(name="Region")
     next_region: bpy.props.IntProperty(default=1)
+    texture_warnings: bpy.props.StringProperty(description="What to know of the texture, one sentence a line")
     texture_report: bpy.props.StringProperty(description="Numbers of the texture, one line each")
     scan_settings: bpy.props.PointerProperty(type=FrescoScanSettings)
     pose: bpy.props.PointerProperty(type=FrescoPoseSettings)

@@ -80,13 +80,6 @@ def write_gain(material: bpy.types.Material, gain: FloatArray) -> None:
         _color_input(node, "B").default_value = (*(float(factor) for factor in gain), 1.0)
 
 
-def read_gain(material: bpy.types.Material | None) -> FloatArray:
-    """Return the linear factors (3,) of a photo's material; 1 for a photo that no face uses."""
-    node = material.node_tree.nodes.get(GAIN_NODE) if material is not None else None
-    factors = (1.0, 1.0, 1.0) if node is None else _color_input(node, "B").default_value[:3]
-    return np.array(factors, dtype=np.float64)
-
-
 def unseen_material() -> bpy.types.Material:
     """Return the neutral material of faces that no photo sees."""
     existing = bpy.data.materials.get(UNSEEN_NAME)

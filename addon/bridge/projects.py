@@ -10,8 +10,7 @@ import bpy
 from ...core.arrays import ByteArray, IntArray
 from ...core.jobs import Job, part
 from ...core.photos import Photo
-from ...core.project.entries import Project
-from ...core.project.run import ProjectResult
+from ...core.project import Project, ProjectResult
 from ...core.scans import Scan
 from ..settings import from_core
 from . import photos, regions, scans
@@ -54,7 +53,7 @@ def clear_scene(scene: bpy.types.Scene) -> None:
             bpy.data.meshes.remove(mesh)
     fresco.photos.clear()
     fresco.regions.clear()
-    fresco.texture_report = fresco.scan_report = fresco.scan_path = ""
+    fresco.texture_report = fresco.texture_warnings = fresco.scan_report = fresco.scan_path = ""
 
 
 def show_project(context: bpy.types.Context, opened: OpenedProject) -> None:

@@ -32,7 +32,7 @@ def show_scan(
     fresco.scan = obj
     fresco.scan_path = str(scan.path or "")
     fresco.scan_report = "\n".join(scan.report)
-    fresco.texture_report = ""
+    fresco.texture_report = fresco.texture_warnings = ""
     regions.write_face_sets(context.scene, scan.face_sets if region_faces is None else region_faces)
     context.view_layer.objects.active = obj
     return obj

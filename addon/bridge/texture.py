@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import bpy
@@ -9,7 +10,7 @@ import numpy as np
 
 from ...core.arrays import FloatArray, IntArray
 from ...core.errors import TextureError
-from ...core.project.textures import TexturedScan
+from ...core.project import TexturedScan
 from ...core.texture import Selection
 from ..properties import FrescoPhoto
 from . import materials, meshes
@@ -18,14 +19,20 @@ from .regions import count_faces
 
 PHOTOS_KEY = "fresco_photos"
 """ID property of the mesh: the names of the photos that the maps count, as JSON."""
-MAPS = {
-    "fresco_photo": "view",
-    "fresco_runner_up": "runner_up",
-    "fresco_view_count": "view_count",
-    "fresco_texel_size": "texel_size",
-    "fresco_angle": "angle",
-}
-"""Face attributes and the fields of core's selection that they show."""
+NUMBERS_KEY = "fresco_texture"
+"""ID property of the mesh: what a selection says of every photo, as JSON."""
+MAPS = ("view", "runner_up", "view_count", "texel_size", "angle", "blur")
+"""Fields of core's selection with one value per face: kept as face attributes "fresco_FIELD"."""
+
+
+def attribute_name(field: str) -> str:
+    """Name of the face attribute that keeps a field of the selection."""
+    return f"fresco_{field}"
+
+
+def _photo_fields() -> list[str]:
+    """Fields of core's selection with one entry per photo."""
+    return [field.name for field in dataclasses.fields(Selection) if field.name not in {*MAPS, "uv"}]
 
 
 def show_texture(scene: bpy.types.Scene, textured: TexturedScan, photos: list[FrescoPhoto]) -> None:
@@ -33,6 +40,7 @@ def show_texture(scene: bpy.types.Scene, textured: TexturedScan, photos: list[Fr
     write_texture(scene.fresco.scan, textured, photos)
     count_faces(scene)
     scene.fresco.texture_report = "\n".join("\t".join(row) for row in texture_rows(textured))
+    scene.fresco.texture_warnings = "\n".join(textured.selection.warnings)
 
 
 def write_texture(scan: bpy.types.Object, textured: TexturedScan, photos: list[FrescoPhoto]) -> None:
@@ -47,8 +55,9 @@ def write_texture(scan: bpy.types.Object, textured: TexturedScan, photos: list[F
     meshes.write_material_indices(mesh, slots[selection.view])  # the last slot stands for -1
     meshes.write_uvs(mesh, materials.UV_MAP, photo_uvs(selection, photos))
     mesh[PHOTOS_KEY] = json.dumps([photo.name for photo in photos])
-    for attribute, field in MAPS.items():
-        meshes.write_face_attribute(mesh, attribute, getattr(selection, field))
+    mesh[NUMBERS_KEY] = json.dumps({name: getattr(selection, name).tolist() for name in _photo_fields()})
+    for field in MAPS:
+        meshes.write_face_attribute(mesh, attribute_name(field), getattr(selection, field))
 
 
 def refine_mesh(scan: bpy.types.Object, textured: TexturedScan) -> None:
@@ -95,7 +104,7 @@ def read_texture(scene: bpy.types.Scene) -> TexturedScan:
     """Return the texture that the scan shows, as core takes it. Raises TextureError when there is none."""
     obj, photos = scene.fresco.scan, scene.fresco.photos
     mesh = obj.data
-    values = {field: meshes.read_face_attribute(mesh, attribute) for attribute, field in MAPS.items()}
+    values = {field: meshes.read_face_attribute(mesh, attribute_name(field)) for field in MAPS}
     names = json.loads(mesh.get(PHOTOS_KEY, "[]"))
     missing = [name for name in names if name not in photos]
     if missing:
@@ -112,7 +121,7 @@ def read_texture(scene: bpy.types.Scene) -> TexturedScan:
         parent=np.arange(len(faces), dtype=np.int32),
         selection=Selection(
             uv=materials.pixels_from_uvs(uvs, size[:, None, 0], size[:, None, 1]),
-            gain=np.array([materials.read_gain(item.material) for item in items]),
+            **{name: np.array(numbers) for name, numbers in json.loads(mesh[NUMBERS_KEY]).items()},
             **values,
         ),
         views=tuple(read_view(scene, item) for item in items),

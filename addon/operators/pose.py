@@ -8,7 +8,7 @@ import bpy
 
 from ...core.errors import RegionError
 from ...core.jobs import Job
-from ...core.project.poses import PhotoPose, solve_poses_job
+from ...core.project import PhotoPose, solve_poses_job
 from ...core.project.surfaces import surface_regions
 from ...core.settings import PoseSettings
 from ..bridge import photos as bridge

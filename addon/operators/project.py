@@ -7,8 +7,7 @@ from pathlib import Path
 import bpy
 
 from ...core.jobs import Job, part
-from ...core.project.entries import Project
-from ...core.project.load import load_project
+from ...core.project import Project, load_project
 from ...core.project.run import check_inputs_job
 from ...core.project.surfaces import check_partners, region_faces
 from ...core.scans import read_scan_job

@@ -40,7 +40,22 @@ class FRESCO_OT_import_scan(JobOperator):
         return read_scan_job(Path(bpy.path.abspath(self.filepath)), settings)
 
     def finish(self, context: bpy.types.Context, result: Any) -> None:
-        show_scan(context, result)
+        scan = show_scan(context, result)
+        show_only(context, scan)
+
+
+def show_only(context: bpy.types.Context, scan: bpy.types.Object) -> None:
+    """Select just the scan and turn the 3D view to it."""
+    for obj in context.selected_objects:
+        obj.select_set(False)
+    scan.select_set(True)
+    context.view_layer.objects.active = scan
+    if context.space_data is not None and context.space_data.type == "VIEW_3D":
+        size = max(scan.dimensions)
+        context.space_data.clip_end = max(context.space_data.clip_end, 20 * size)
+        window = next(region for region in context.area.regions if region.type == "WINDOW")
+        with context.temp_override(region=window):
+            bpy.ops.view3d.view_selected()
 
 
 class FRESCO_FH_scan(bpy.types.FileHandler):

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ...core.jobs import Job
-from ...core.project.textures import TexturedScan, texture_scan_job
+from ...core.project import TexturedScan, texture_scan_job
 from ...core.settings import TextureSettings
 from ..bridge.photos import read_view
 from ..bridge.scans import read_scan

@@ -33,9 +33,9 @@ class FRESCO_UL_regions(bpy.types.UIList):
         swatch = row.row()
         swatch.ui_units_x = 0.9
         swatch.prop(item, "color", text="")
-        split = row.split(factor=0.5, align=True)
-        split.prop(item, "name", text="", emboss=False)
-        numbers = split.row(align=True)
+        row.prop(item, "name", text="", emboss=False)
+        numbers = row.row(align=True)
+        numbers.alignment = "RIGHT"
         faces = numbers.row()
         faces.alert = item.face_count == 0
         faces.label(text=f"{item.face_count:,}", icon="MESH_DATA")

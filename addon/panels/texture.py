@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .base import SettingsPanel, StepPanel, draw_rows
+from .base import SettingsPanel, StepPanel, draw_rows, draw_text
 
 
 class FRESCO_PT_texture(StepPanel, bpy.types.Panel):
@@ -28,6 +28,8 @@ class FRESCO_PT_texture(StepPanel, bpy.types.Panel):
         row.operator("fresco.show_texture", text="", icon="SHADING_RENDERED").equalised = True
         rows = [line.split("\t") for line in context.scene.fresco.texture_report.splitlines()]
         draw_rows(layout, [(name, value) for name, value in rows])
+        for sentence in context.scene.fresco.texture_warnings.splitlines():
+            draw_text(layout, context, sentence, icon="ERROR")
 
 
 class FRESCO_PT_texture_settings(SettingsPanel, bpy.types.Panel):

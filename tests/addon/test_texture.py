@@ -39,7 +39,7 @@ def test_uvs_show_the_true_pixels(posed, room, module):
     assert bpy.ops.fresco.texture_scan() == {"FINISHED"}
     scan, mesh = posed.fresco.scan, posed.fresco.scan.data
     camera = module("core.cameras").PerspectiveCamera(*room.SIZE, room.K, room.DISTORTION)
-    chosen = attribute(mesh, "fresco_photo", np.int32)
+    chosen = attribute(mesh, "fresco_view", np.int32)
     assert (chosen >= 0).mean() > 0.8
     corners = np.array([[mesh.vertices[v].co for v in p.vertices] for p in mesh.polygons])
     uvs = read_uvs(mesh)
@@ -70,11 +70,12 @@ def test_blender_shows_the_panels_in_their_colours(posed, room):
 def test_one_material_per_photo_used_again(posed):
     bpy.ops.fresco.texture_scan()
     first = [material.name for material in posed.fresco.scan.data.materials]
-    assert len(first) == 4
+    used = np.unique(attribute(posed.fresco.scan.data, "fresco_view", np.int32))
+    assert len(first) == np.count_nonzero(used >= 0) + 1
     bpy.ops.fresco.texture_scan()
     assert [material.name for material in posed.fresco.scan.data.materials] == first
-    assert len(bpy.data.materials) == 4
-    for photo in posed.fresco.photos:
+    assert len(bpy.data.materials) == len(first)
+    for photo in (photo for photo in posed.fresco.photos if photo.material is not None):
         texture = next(n for n in photo.material.node_tree.nodes if n.type == "TEX_IMAGE")
         assert texture.image == photo.image
         assert bpy.path.abspath(texture.image.filepath) == photo.path
@@ -87,7 +88,7 @@ def test_unseen_faces_are_neutral(posed):
     bpy.context.view_layer.update()
     bpy.ops.fresco.texture_scan()
     mesh = posed.fresco.scan.data
-    unseen = attribute(mesh, "fresco_photo", np.int32) < 0
+    unseen = attribute(mesh, "fresco_view", np.int32) < 0
     assert unseen.any() and not unseen.all()
     assert (attribute(mesh, "material_index", np.int32)[unseen] == 0).all()
     assert mesh.materials[0].name == "Fresco unseen"
@@ -116,10 +117,27 @@ def test_maps_tell_photo_and_texel(posed):
     bpy.ops.fresco.texture_scan()
     mesh = posed.fresco.scan.data
     assert json.loads(mesh["fresco_photos"]) == ["wall 1", "wall 2", "wall 3"]
-    seen = attribute(mesh, "fresco_photo", np.int32) >= 0
+    seen = attribute(mesh, "fresco_view", np.int32) >= 0
     texel = attribute(mesh, "fresco_texel_size", np.float32)
     assert 0.004 < np.median(texel[seen]) < 0.02
     assert np.isnan(texel[~seen]).all()
+
+
+def test_every_field_of_a_selection_is_kept_and_read_back(posed, module):
+    bpy.ops.fresco.texture_scan()
+    texture = module("addon.bridge.texture")
+    first = texture.read_texture(posed)
+    fields = vars(first.selection)
+    for name, values in fields.items():
+        per_face = name == "uv" or name in texture.MAPS
+        assert len(values) == (len(first.faces) if per_face else len(first.views)), name
+    texture.write_texture(posed.fresco.scan, first, list(posed.fresco.photos))
+    again = vars(texture.read_texture(posed).selection)
+    for name, values in fields.items():
+        if values.dtype.kind == "U":
+            np.testing.assert_array_equal(again[name], values)
+        else:
+            np.testing.assert_allclose(again[name], values, atol=1e-3, err_msg=name)
 
 
 def test_nothing_to_texture_with_keeps_the_button_grey(imported):
@@ -132,18 +150,18 @@ def test_a_photo_that_vanished_is_a_sentence_and_changes_nothing(posed, folder, 
     with pytest.raises(RuntimeError, match=r"gone\.png"):
         bpy.ops.fresco.texture_scan()
     mesh = posed.fresco.scan.data
-    assert "Fresco" not in mesh.uv_layers and "fresco_photo" not in mesh.attributes
+    assert "Fresco" not in mesh.uv_layers and "fresco_view" not in mesh.attributes
     assert len(mesh.materials) == 0
 
 
 def test_texture_survives_saving(posed, tmp_path):
     bpy.ops.fresco.texture_scan()
-    chosen = attribute(posed.fresco.scan.data, "fresco_photo", np.int32)
+    chosen = attribute(posed.fresco.scan.data, "fresco_view", np.int32)
     uvs = read_uvs(posed.fresco.scan.data)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a b.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a b.blend"))
     mesh = bpy.context.scene.fresco.scan.data
-    np.testing.assert_array_equal(attribute(mesh, "fresco_photo", np.int32), chosen)
+    np.testing.assert_array_equal(attribute(mesh, "fresco_view", np.int32), chosen)
     np.testing.assert_array_equal(read_uvs(mesh), uvs)
     assert bpy.ops.fresco.solve_poses() == {"FINISHED"}
     assert bpy.ops.fresco.texture_scan() == {"FINISHED"}

@@ -1,0 +1,160 @@
+"""The command line in a process of its own: exit codes, one clear line, complete files."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+PROJECT = """
+fresco = 1
+[scan]
+path = "scan.ply"
+[[camera]]
+K = [[520.0, 0.0, 236.5], [0.0, 520.0, 163.0], [0.0, 0.0, 1.0]]
+distortion = [-0.12, 0.03, 0.001, -0.0005]
+[[region]]
+name = "red panel"
+face_set = "region 1"
+[[region]]
+name = "green panel"
+face_set = "region 2"
+[[region]]
+name = "blue tile"
+face_set = "region 3"
+[[photo]]
+path = "photos/*.png"
+regions = "masks/{photo}/{region}.png"
+[output]
+folder = "OUTPUT"
+"""
+
+
+@pytest.fixture
+def project(folder, tmp_path):
+    """Return a function that writes the project file, changed as wanted, and returns it."""
+
+    def write(*changes):
+        text = PROJECT.replace("OUTPUT", str(tmp_path / "out put").replace("\\", "/"))
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        path = folder / f"project {tmp_path.name}.toml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+def fresco(*words, block_bpy=False):
+    """Run the command `fresco`; its exit code, output and error lines."""
+    code = "import sys; sys.argv[0] = 'fresco'\n"
+    if block_bpy:
+        code += "sys.modules['bpy'] = None\n"
+    code += "from fresco.addon.cli import main\nmain()"
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    environment.pop("BLENDER_USER_RESOURCES", None)
+    return subprocess.run(
+        [sys.executable, "-c", code, *map(str, words)],
+        capture_output=True,
+        text=True,
+        env=environment,
+        timeout=240,
+        check=False,
+    )
+
+
+def test_run_writes_everything(project, tmp_path, room):
+    path = project()
+    done = fresco("run", path)
+    assert done.returncode == 0, done.stderr
+    out = tmp_path / "out put"
+    for ending in (".blend", ".glb", ".obj", ".mtl", "_report.html", "_provenance.json"):
+        assert (out / (path.stem + ending)).stat().st_size > 100, ending
+    assert not [p for p in out.iterdir() if ".part" in p.name]
+    lines = done.stdout.splitlines()
+    assert lines[0].lstrip().startswith("0 %") and lines[-1].startswith("100 %")
+    assert sum("overlap error" in line for line in lines) == 3
+    check_blend(out / f"{path.stem}.blend", room)
+
+
+def check_blend(path, room):
+    """Open the .blend that the run left: cameras stand where the photos were taken, the scan is textured."""
+    import bpy
+
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    fresco_data = bpy.context.scene.fresco
+    assert "Fresco" in fresco_data.scan.data.uv_layers
+    for photo, (rotation, translation) in zip(fresco_data.photos, room.POSES, strict=True):
+        assert photo.state == "SOLVED"
+        np.testing.assert_allclose(
+            photo.camera.matrix_world.translation, -rotation.T @ translation, atol=0.02
+        )
+        assert photo.path.endswith(f"{photo.name}.png")
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        (('path = "scan.ply"', 'path = "gone.ply"'), "scan.path"),
+        (('path = "photos/*.png"', 'path = "photos/*.jpg"'), "photo"),
+        (('face_set = "region 3"', 'face_set = "region 9"'), "region"),
+        (("fresco = 1", "fresco = 7"), "fresco"),
+        (("[output]", "[outputs]"), "outputs"),
+        (('name = "blue tile"', 'name = "blue tyle"'), "photo.regions"),
+    ],
+)
+def test_a_wrong_entry_is_one_line_and_exit_code_2(extension, project, tmp_path, change, key):
+    path = project(change)
+    done = fresco("run", path)
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+    assert str(path) in done.stderr and key in done.stderr
+    out = tmp_path / "out put"
+    assert not out.exists() or not list(out.iterdir()), "nothing half-written"
+
+
+@pytest.mark.parametrize("words", [(), ("dance",), ("run",), ("run", "/nowhere/x.toml")])
+def test_wrong_arguments_end_with_2(words):
+    done = fresco(*words)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr and done.stderr
+
+
+def test_help_ends_well():
+    done = fresco("run", "--help")
+    assert done.returncode == 0
+    assert "project" in done.stdout
+
+
+def test_without_blender_the_sentence_says_what_to_install(project):
+    done = fresco("run", project(), block_bpy=True)
+    assert done.returncode == 1
+    assert "pip install bpy" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_photos_that_find_no_place_end_with_1(project, tmp_path):
+    swapped = [
+        ('face_set = "region 1"', 'face_set = "region X"'),
+        ('face_set = "region 2"', 'face_set = "region 1"'),
+    ]
+    done = fresco("run", project(*swapped, ("region X", "region 2"), ("photos/*.png", "photos/wall 1.png")))
+    assert done.returncode in (0, 1)
+    if done.returncode == 1:
+        assert "wall 1" in done.stderr and "Traceback" not in done.stderr
+        assert not list((tmp_path / "out put").glob("*.obj"))
+
+
+def test_an_output_folder_that_cannot_be_made_ends_with_1(project, tmp_path):
+    (tmp_path / "out put").parent.mkdir(exist_ok=True)
+    path = project((str(tmp_path / "out put"), "/proc/nowhere"))
+    done = fresco("run", path)
+    assert done.returncode == 1
+    assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+    assert "/proc/nowhere" in done.stderr
+
+
+def test_blenders_own_command_takes_the_same_arguments(extension, module, project, capsys):
+    assert module("addon.cli").blender_command(["run", "/nowhere/x.toml"]) == 2
+    assert "no such project file" in capsys.readouterr().err
