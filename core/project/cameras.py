@@ -10,10 +10,10 @@ from ..cameras.files.dictionary import camera_from_dict
 from ..cameras.files.reader import read_camera
 from ..errors import CameraError
 from ..photos.exif import Exif
-from ..photos.intrinsics import camera_from_exif, camera_matrix, focal_from_sensor
+from ..photos.intrinsics import camera_from_body, camera_from_exif, camera_matrix, focal_from_sensor
 from .table import Table
 
-_SOURCES = ("file", "exif", "focal", "focal_mm", "K")
+_SOURCES = ("file", "preset", "exif", "focal", "focal_mm", "K")
 _MODEL_KEYS = ("distortion", "coefficients", "centre", "stretch", "xi", "alpha", "beta", "k", "omega")
 
 
@@ -28,14 +28,14 @@ class CameraEntry:
     def from_table(cls, table: Table) -> CameraEntry:
         """Check the keys of a [[camera]] table: one source only, nothing unknown, sizes whole."""
         name = table.text("name", "")
-        table.offer((*_SOURCES, *_MODEL_KEYS, "model", "principal", "sensor_width_mm", "size"))
+        table.offer((*_SOURCES, *_MODEL_KEYS, "model", "principal", "sensor_width_mm", "lens", "size"))
         table.finish()
-        given = [key for key in _SOURCES if key in table]
+        given = [key for key in _SOURCES if key in table and not (key == "focal_mm" and "preset" in table)]
         if len(given) > 1:
             table.fail(given[1], f"cannot stand beside “{given[0]}”; give one of them")
         model = table.text("model", "perspective")
         if not given and model in ("perspective", "fisheye", "catadioptric"):
-            table.fail("", "says nothing of the lens; give focal, K, focal_mm, file, or exif = true")
+            table.fail("", "says nothing of the lens; give focal, K, focal_mm, preset, file, or exif = true")
         return cls(table, name)
 
     @property
@@ -69,6 +69,8 @@ class CameraEntry:
             return read_camera(path, (width, height)), f"Camera from {path.name}."
         if self.table.flag("exif", False):
             return camera_from_exif(exif, width, height)
+        if "preset" in self.table:
+            return self._preset(width, height, exif)
         width, height = self.size or (width, height)
         numbers = {key: self.table.get(key) for key in _MODEL_KEYS if key in self.table}
         model = self.table.text("model", "perspective")
@@ -78,6 +80,14 @@ class CameraEntry:
         what = f"{width} x {height} pixels"
         camera = camera_from_dict({"model": model, "width": width, "height": height, **numbers}, what)
         return camera, "Camera from the numbers of the project file."
+
+    def _preset(self, width: int, height: int, exif: Exif) -> tuple[Camera, str]:
+        """Nominal camera of a listed body; focal length and lens are the photo's where the file is silent."""
+        focal_mm = exif.focal_length or 0.0  # panoramas need none
+        if "focal_mm" in self.table:
+            focal_mm = self.table.number("focal_mm", 0.1, 1e5)
+        lens = self.table.text("lens", exif.lens)
+        return camera_from_body(self.table.text("preset"), width, height, focal_mm, lens)
 
     def _matrix(self, width: int, height: int) -> list[list[float]] | None:
         """Camera matrix (3,3), None where nothing is said about the focal length."""

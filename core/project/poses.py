@@ -13,11 +13,10 @@ from ..arrays import ArrayLike, FloatArray
 from ..cameras.files.dictionary import camera_to_dict
 from ..errors import PoseNotFound, RegionError
 from ..jobs import Job, Progress, drain, part
-from ..photos.marks import RegionMark
+from ..photos.marks import RegionMark, touches_frame
 from ..photos.photo import Photo
 from ..pose.pose import Pose
 from ..pose.regions.estimate import estimate_pose_job
-from ..pose.regions.problem import check_image_region
 from ..pose.regions.region_pose import RegionPose
 from ..regions.image_region import ImageRegion
 from ..regions.surface_region import SurfaceRegion
@@ -103,7 +102,7 @@ def solve_poses_job(
 def _read_regions(
     photo: Photo, surfaces: Mapping[str, SurfaceRegion]
 ) -> tuple[list[ImageRegion], tuple[str, ...]]:
-    """Regions of a photo that have a partner and are seen whole, and sentences on the others.
+    """Regions of a photo that have a partner on the scan, and sentences on those that are not used whole.
 
     Raises RegionError when a mark cannot be read or none can be used.
     """
@@ -113,16 +112,12 @@ def _read_regions(
             notes.append(f"Region “{mark.name}” has no partner on the scan.")
             continue
         mask = mark.read_mask(photo.camera.width, photo.camera.height)
-        image = _image_region(mark, mask)
-        try:
-            check_image_region(photo.camera, image)
-        except RegionError as error:  # cut off by the frame, too small: the other regions may do
-            notes.append(str(error))
-            continue
-        images.append(image)
+        if mask is not None and touches_frame(mask):
+            notes.append(f"Region “{mark.name}” is cut off by the frame: only its outline inside is used.")
+        images.append(_image_region(mark, mask))
     if not images:
         told = " ".join(notes) or "No region is marked in this photo."
-        raise RegionError(f"{told} Mark a region that is seen whole, in the photo and on the scan.")
+        raise RegionError(f"{told} Mark a region in the photo and on the scan.")
     return images, tuple(notes)
 
 

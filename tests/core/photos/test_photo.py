@@ -132,6 +132,15 @@ def test_camera_from_exif_has_a_note_and_the_principal_point_in_the_middle(folde
     assert "35 mm equivalent of 24 mm, good to about 2 %" in photo.notes[0]
 
 
+def test_listed_body_gives_the_sensor(folder):
+    tags = {0x10F: (TEXT, "NIKON CORPORATION"), 0x110: (TEXT, "NIKON D850")}
+    path = photo_file(folder / "a.jpg", tags=tags, exif={0x920A: (RATIO, [(24, 1)]), 0xA405: (SHORT, 25)})
+    photo = open_photo(path)
+    # The smaller of 35.9 mm over 90 and 23.9 mm over 60 pixels is the size of a pixel.
+    assert photo.camera.K[0, 0] == pytest.approx(24 / (23.9 / 60))
+    assert "Nominal camera of NIKON D850, 24 mm, perspective" in photo.notes[0]
+
+
 def test_turned_photo_has_a_note(folder):
     photo = open_photo(photo_file(folder / "a.jpg", tags={0x112: (SHORT, 6)}, exif={0xA405: (SHORT, 24)}))
     assert "turned by 90° clockwise (EXIF orientation 6)" in photo.notes[0]

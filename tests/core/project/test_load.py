@@ -147,6 +147,8 @@ def test_without_region_tables_all_face_sets_count(folder):
         ("K = [[80, 0, 48], [0, 81, 32], [0, 0, 1]]\nsize = [96, 64]", PerspectiveCamera),
         ('model = "fisheye"\nfocal = 40\ncoefficients = [0.01, 0, 0, 0]', FisheyeCamera),
         ('model = "equirectangular"', EquirectangularCamera),
+        ('preset = "NIKON D850"\nfocal_mm = 24', PerspectiveCamera),
+        ('preset = "NIKON D850"\nfocal_mm = 16\nlens = "equidistant"', FisheyeCamera),
     ],
 )
 def test_camera_models(folder, numbers, kind):
@@ -230,6 +232,8 @@ def test_camera_from_calibration_file(folder):
         ),
         (("focal = 80.0", "focal = 80\nsize = [192, 128]"), "photo[1].path: "),
         (("focal = 80.0", "exif = true"), "camera[1]: the photo does not tell its focal length"),
+        (("focal = 80.0", "preset = 'Lomo'"), "camera[1]: 'Lomo' is not in the list of camera bodies"),
+        (("focal = 80.0", "preset = 'NIKON D850'"), "camera[1]: The focal length must be a positive number"),
         (("focal = 80.0", "file = 'none.xml'"), "camera[1].file: there is no file"),
         (
             '[[camera]]\nname="a"\nfocal = 3\n[[camera]]\nname="a"\nfocal=4\n',

@@ -142,14 +142,36 @@ def test_photo_without_regions_fails_alone(corner):
     assert result.poses[1].failure.startswith("No region is marked in this photo.")
 
 
-def test_region_at_the_frame_is_left_out_and_told(corner):
+def crop_photo(path, name, rows):
+    """Cut rows off the top of a photo and of its masks."""
+    for file in [path.parent / "photos" / f"{name}.png", *(path.parent / "masks" / name).iterdir()]:
+        image = cv2.imdecode(np.fromfile(file, np.uint8), cv2.IMREAD_UNCHANGED)
+        file.write_bytes(cv2.imencode(".png", image[rows:])[1].tobytes())
+
+
+def test_region_cut_off_by_the_frame_is_told(corner):
+    path, truth = corner()
+    crop_photo(path, "A", 110)
+    camera = "[[camera]]\nname = 'cut'\nfocal = 390\nprincipal = [239.5, 69.5]\n"
+    edit(path, "[output]", camera + "[[photo]]\npath = 'photos/A.png'\ncamera = 'cut'\n[output]")
+    result = run(path)
+    found = result.poses[0]
+    assert [note for note in found.notes if "tall" in note and "cut off by the frame" in note]
+    assert not [note for note in found.notes if "small" in note]
+    if found.solved:
+        assert np.degrees(rotation_angle(found.pose.rotation @ truth["A"][0].T)) < 1.0
+
+
+def test_photo_whose_only_region_is_cut_off_is_not_solved(corner):
     path, _ = corner()
-    mask = path.parent / "masks" / "A" / "small.png"
-    image = np.zeros((360, 480), np.uint8)
-    image[60:120, 440:] = 255
-    mask.write_bytes(cv2.imencode(".png", image)[1].tobytes())
-    found = run(path).poses[0]
-    assert found.regions == ("tall", "wide") and "small" in found.notes[0] and "edge" in found.notes[0]
+    crop_photo(path, "A", 110)
+    for region in ("small", "wide"):
+        (path.parent / "masks" / "A" / f"{region}.png").unlink()
+    camera = "[[camera]]\nname = 'cut'\nfocal = 390\nprincipal = [239.5, 69.5]\n"
+    edit(path, "[output]", camera + "[[photo]]\npath = 'photos/A.png'\ncamera = 'cut'\n[output]")
+    result = run(path)
+    assert not result.poses[0].solved and "touches the edge of the photo" in result.poses[0].failure
+    assert result.poses[1].solved
 
 
 def test_no_photo_solved_says_why(corner):
