@@ -12,8 +12,11 @@ from ..settings import TextureSettings
 from .frustum import blocks_in_view, faces_of_blocks
 from .surface import Surface
 
-_EXTRA_POINTS = np.array([[1, 1, 0], [0, 1, 1], [1, 0, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]], dtype=np.float64)
-"""Barycentric weights of the points tested besides centroid and corners on faces near an occlusion."""
+_EXTRA_POINTS = np.array(
+    [[9, 9, 2], [2, 9, 9], [9, 2, 9], [4, 1, 1], [1, 4, 1], [1, 1, 4], [18, 1, 1], [1, 18, 1], [1, 1, 18]],
+    dtype=np.float64,
+)
+"""Barycentric weights of the points tested besides the centroid on faces near an occlusion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,12 +112,12 @@ def _in_mask(uv: FloatArray, mask: BoolArray) -> BoolArray:
 def _unhidden(surface: Surface, view: View, seen: VisibleFaces, settings: TextureSettings) -> VisibleFaces:
     """Faces whose centroid is free, with the share of free points.
 
-    Centroid and corners are tested on every face, six points more on those next to a hidden point.
+    Centroid and corners are tested on every face. Where any of them, or one next to it, is hidden, points
+    inside the face decide: a corner itself may lie behind a neighbour by the scan's roughness alone.
     """
     eye = view.centre - surface.origin
     tolerance = settings.occlusion_tolerance
     hidden = surface.caster.occluded(eye, surface.centroid[seen.face], tolerance)
-    # Per vertex: 0 not needed, 1 free, 2 hidden; `near` marks the corners of faces with anything hidden.
     near = np.zeros(len(surface.vertices), dtype=np.bool_)
     near[surface.faces[seen.face[hidden]]] = True
     seen = seen.subset(~hidden)
@@ -124,14 +127,13 @@ def _unhidden(surface: Surface, view: View, seen: VisibleFaces, settings: Textur
     vertex = np.flatnonzero(needed)
     covered = np.zeros(len(near), dtype=np.bool_)
     covered[vertex] = surface.caster.occluded(eye, surface.vertices[vertex], tolerance)
-    free = 1 + np.count_nonzero(~covered[corners], axis=1)
-    near[corners[free < 4]] = True
-    share = (free / 4).astype(np.float32)
+    near[corners[covered[corners].any(axis=1)]] = True
+    share = np.ones(len(corners), dtype=np.float32)
     doubtful = np.flatnonzero(near[corners].any(axis=1))
     points = np.einsum("pk,nkc->npc", _EXTRA_POINTS, surface.vertices[corners[doubtful]])
     points /= _EXTRA_POINTS.sum(axis=1)[:, None]
     blocked = surface.caster.occluded(eye, points.reshape(-1, 3), tolerance).reshape(-1, len(_EXTRA_POINTS))
-    share[doubtful] = (free[doubtful] + np.count_nonzero(~blocked, axis=1)) / (4 + len(_EXTRA_POINTS))
+    share[doubtful] = (1 + np.count_nonzero(~blocked, axis=1)) / (1 + len(_EXTRA_POINTS))
     checked = VisibleFaces(seen.face, seen.uv, share, seen.texel, seen.cosine, seen.distance)
     return checked.subset(share >= settings.visible_share)
 
