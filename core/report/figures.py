@@ -50,9 +50,11 @@ def draw_photo(photo: Photo, pose: Pose | None, surfaces: Mapping[str, SurfaceRe
     camera = photo.camera.resized(image.shape[1], image.shape[0])
     for mark in photo.regions:
         loops = [_resized(loop, photo.camera, camera) for loop in _drawn_loops(mark, photo.camera)]
-        _outline(image, loops, DRAWN, 4)
+        _outline(image, loops, (0, 0, 0), 7, closed=True)
+        _outline(image, loops, DRAWN, 5, closed=True)
         if pose is not None and mark.name in surfaces:
-            _outline(image, projected_loops(camera, pose, surfaces[mark.name]), PROJECTED, 2)
+            runs = projected_loops(camera, pose, surfaces[mark.name])
+            _outline(image, runs, PROJECTED, 2, closed=False)
         if loops:
             _label(image, mark.name, loops[0].mean(axis=0))
     return image
@@ -132,12 +134,12 @@ def _resized(loop: FloatArray, full: Camera, small: Camera) -> FloatArray:
     return moved
 
 
-def _outline(image: ByteArray, loops: list[FloatArray], colour: tuple[int, int, int], width: int) -> None:
-    """Draw in place: a line of the given width with a dark rim of one pixel."""
+def _outline(
+    image: ByteArray, loops: list[FloatArray], colour: tuple[int, int, int], width: int, closed: bool
+) -> None:
+    """Draw lines in place, each (n,2) pixels."""
     points = [np.rint(np.clip(loop, -1e4, 1e4) * 2**_SHIFT).astype(np.int32) for loop in loops]
-    closed = width > 2  # drawn outlines are closed; projected runs repeat their first point where they are
-    for tone, thickness in (((0, 0, 0), width + 2), (colour, width)):
-        cv2.polylines(image, points, closed, tone, thickness, cv2.LINE_AA, _SHIFT)
+    cv2.polylines(image, points, closed, colour, width, cv2.LINE_AA, _SHIFT)
 
 
 def _label(image: ByteArray, text: str, at: FloatArray) -> None:

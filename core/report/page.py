@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from html import escape
 
 import numpy as np
@@ -80,7 +81,7 @@ def _header(report: Report, rows: Sequence[PhotoRow]) -> str:
             ("Centre error, median", _number(_median(row.centre_error for row in rows), "{:.1f} mm")),
         ]
     items = "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in facts)
-    when = f"Written {escape(report.written)}. " if report.written else ""
+    when = f"Written {escape(_when(report.written))}. " if report.written else ""
     offset = "Coordinates are as in the scan’s file."
     if np.any(scan.offset):
         numbers = ", ".join(f"{value:.3f}" for value in scan.offset)
@@ -158,6 +159,8 @@ def _cells(row: PhotoRow, kept: Sequence[int]) -> str:
 
 
 def _align(column: int) -> str:
+    if column == 1:
+        return ' class="camera"'
     return ' class="number"' if column >= 4 else ""
 
 
@@ -221,6 +224,15 @@ def _method(report: Report) -> str:
         f'<p class="soft">{versions or "Fresco"}. The photos were not changed: the texture refers to their '
         "original pixels.</p></section>"
     )
+
+
+def _when(written: str) -> str:
+    """ISO time without seconds, as people write it; any other text as it is."""
+    try:
+        time = datetime.fromisoformat(written)
+    except ValueError:
+        return written
+    return f"{time:%Y-%m-%d %H:%M} {time.tzname() or ''}".strip()
 
 
 def _number(value: float | None, form: str) -> str:

@@ -14,7 +14,7 @@ STYLE = """
 }
 * { box-sizing: border-box; }
 body {
-  margin: 0 auto; padding: 2.5rem 1.5rem 4rem; max-width: 68rem; background: var(--paper); color: var(--ink);
+  margin: 0 auto; padding: 2.5rem 1.5rem 4rem; max-width: 74rem; background: var(--paper); color: var(--ink);
   font: 16px/1.5 "Source Sans 3", "Segoe UI", system-ui, -apple-system, "Noto Sans", sans-serif;
 }
 h1 { font: 600 2.1rem/1.15 Georgia, "Noto Serif", serif; margin: 0 0 .25rem; overflow-wrap: anywhere; }
@@ -34,7 +34,8 @@ th, td { padding: .35rem .55rem; border-bottom: 1px solid var(--line); text-alig
 td, tbody th { vertical-align: top; }
 thead th { border-bottom: 2px solid var(--ink); font-weight: 600; vertical-align: bottom; }
 tbody th { font-weight: 600; overflow-wrap: break-word; min-width: 6rem; max-width: 14rem; }
-.number { text-align: right; white-space: nowrap; }
+.number { text-align: right; } td.number { white-space: nowrap; }
+.camera { min-width: 10rem; }
 .wide { overflow-x: auto; }
 .solved, .given { color: var(--good); } .ambiguous { color: var(--warn); } .failed { color: var(--bad); }
 .problems li { margin: .5rem 0; }

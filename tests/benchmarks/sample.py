@@ -1,6 +1,6 @@
 """Run the sample project, show the cameras' errors against the truth, re-render photos left out of texturing.
 
-python tests/benchmarks/sample.py [--report report.html] [--held-out]
+python tests/benchmarks/sample.py [--report report.html] [--picture sample.jpg] [--held-out]
 """
 
 import argparse
@@ -11,6 +11,7 @@ import tempfile
 import time
 from pathlib import Path
 
+import cv2
 import numpy as np
 from fresco.core.jobs import drain
 from fresco.core.project.load import load_project
@@ -18,9 +19,10 @@ from fresco.core.project.run import run_project
 from fresco.core.project.textures import texture_scan_job
 from fresco.core.report import project_report, write_report
 from fresco.core.report.content import photo_rows
+from fresco.core.report.viewpoint import two_viewpoints
 from fresco.core.texture.images import read_photo
 from fresco.core.texture.quality import compare_images
-from fresco.core.texture.render import render_view
+from fresco.core.texture.render import render_view, shade_clay, shade_textured_job, trace_pixels_job
 
 SAMPLE = Path(__file__).resolve().parents[2] / "sample"
 
@@ -30,9 +32,10 @@ def main():
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     options.add_argument("--sample", type=Path, default=SAMPLE)
-    options.add_argument("--report", type=Path, help="also write the report with the errors in it")
+    options.add_argument("--report", type=Path, help="also write the report, with the errors in it")
+    options.add_argument("--picture", type=Path, help="also save photo, scan and textured scan side by side")
     options.add_argument(
-        "--held-out", action="store_true", help="texture without each photo and compare with it"
+        "--held-out", action="store_true", help="texture without each photo, compare with it"
     )
     chosen = options.parse_args()
     start = time.perf_counter()
@@ -47,6 +50,8 @@ def main():
     )
     if chosen.report:
         print(write_report(report, chosen.report))
+    if chosen.picture:
+        save_picture(result, chosen.picture)
     if chosen.held_out:
         print_held_out(result)
 
@@ -99,6 +104,28 @@ def print_held_out(result):
             f"{held_out.name:18} {found.psnr:6.2f} {found.gain_fitted_psnr:11.2f} {found.ssim:6.3f} "
             f"{du:8.2f}{dv:8.2f} {100 * found.coverage:7.1f}%"
         )
+
+
+def save_picture(result, path, height=520):
+    """A photo, the scan and the textured scan beside each other, with a narrow white gap."""
+    textured = result.textured
+    shown = textured.faces[textured.selection.view >= 0]
+    viewpoint = two_viewpoints(textured.vertices, shown, textured.views)[1]
+    pose = viewpoint.camera, viewpoint.rotation, viewpoint.translation
+    hits = drain(trace_pixels_job(*pose, textured.vertices, textured.faces))
+    scan = shade_clay(hits, textured.vertices, textured.faces)
+    job = shade_textured_job(hits, textured.vertices, textured.faces, textured.selection, textured.views)
+    pictures = [read_photo(textured.views[0]), scan, drain(job).image]
+    widths = [round(height * picture.shape[1] / picture.shape[0]) for picture in pictures]
+    small = [
+        cv2.resize(p, (w, height), interpolation=cv2.INTER_AREA)
+        for p, w in zip(pictures, widths, strict=True)
+    ]
+    gap = np.full((height, 8, 3), 255, np.uint8)
+    row = np.concatenate([small[0], gap, small[1], gap, small[2]], axis=1)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(cv2.imencode(".jpg", row[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 84])[1].tobytes())
+    print(path)
 
 
 if __name__ == "__main__":

@@ -41,7 +41,7 @@ def test_outlines_lie_where_the_distance_says(arched):
     shape = Shape(1.0, 0.5, 0.4, 2.0, arched)
     for offset in (-0.1, 0.0, 0.07):
         outline = shape.outline(offset)
-        assert np.abs(shape.distance(outline) - offset).max() < 3e-4  # an arc is drawn in chords
+        assert np.abs(shape.distance(outline) - offset).max() < 4e-4  # an arc is drawn in chords
         assert len(outline) == len(shape.outline())
     assert shape.distance(np.array([[1.0, 1.0]]))[0] < 0
 
