@@ -48,7 +48,7 @@ class RegionSettings:
     snap_reach: float = 3.0
     """How far (pixels of the working copy) an outline is moved to meet an edge at full resolution."""
 
-    seed_patches: int = 120
+    seed_patches: int = 200
     """Small patches around a click on the scan that make the first plane."""
 
     surface_levels: int = 14
@@ -238,7 +238,7 @@ class AtlasSettings:
 class EdgeSettings:
     """One camera pose by the edges of the scan."""
 
-    photo_size: int = 1600
+    photo_size: int = 1200
     """Longer side (pixels) of the finest of three image levels, each half as large as the next."""
 
     search: float = 8.0
@@ -250,7 +250,7 @@ class EdgeSettings:
     step: float = 3.0
     """Smallest depth step that counts as an edge, in pixels of a level on the nearer surface."""
 
-    max_edges: int = 12000
+    max_edges: int = 8000
     """Edge points used per level, spread over the photo."""
 
     min_edges: int = 80

@@ -1,0 +1,111 @@
+"""Edges of a photo at a working size: contrast made even, gradients, straight segments.
+
+Pixels are those of the working image; the centre of its top-left pixel is (0, 0).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ..arrays import AnyArray, ArrayLike, ByteArray, Float32Array, FloatArray
+from ..errors import RegionError
+
+_NEIGHBOURHOOD = 24.0  # pixels (sigma) over which contrast is evened out
+_FLOOR = 4.0  # units of L*, a*, b* below which contrast counts as noise
+
+
+@dataclass(frozen=True, eq=False)
+class Gradient:
+    """Gradient (H,W) of the evened-out colour, per pixel: `u` to the right, `v` down."""
+
+    u: Float32Array
+    v: Float32Array
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Gradients (...,2) at pixels (...,2), zero outside the image."""
+        shape = points.shape[:-1]
+        flat = points.reshape(-1, 2).astype(np.float32)
+        rows = -(-len(flat) // 16384)  # cv2.remap takes at most 32767 in a row
+        padded = np.full((rows * 16384, 2), -10.0, dtype=np.float32)
+        padded[: len(flat)] = flat
+        u, v = padded.reshape(rows, 16384, 2).transpose(2, 0, 1).copy()
+        sampled = [cv2.remap(g, u, v, cv2.INTER_LINEAR).ravel()[: len(flat)] for g in (self.u, self.v)]
+        out: FloatArray = np.stack(sampled, axis=1).astype(np.float64).reshape(*shape, 2)
+        return out
+
+
+def as_photo(image: ArrayLike) -> ByteArray:
+    """RGB photo (H,W,3) uint8 from a grey, RGB or RGBA one; raises RegionError for anything else."""
+    pixels = np.asarray(image)
+    if pixels.dtype != np.uint8 or pixels.ndim not in (2, 3) or min(pixels.shape[:2]) < 8:
+        raise RegionError("The photo has to be an 8-bit image of at least 8 x 8 pixels.")
+    if pixels.ndim == 2:
+        pixels = np.repeat(pixels[:, :, None], 3, axis=2)
+    return np.ascontiguousarray(pixels[:, :, :3])
+
+
+def reduced(image: ByteArray, longest: int) -> tuple[ByteArray, float]:
+    """Photo with its longer side at most `longest` pixels, and its size relative to the original."""
+    factor = min(1.0, longest / max(image.shape[:2]))
+    if factor == 1.0:
+        return image, 1.0
+    size = (max(1, round(image.shape[1] * factor)), max(1, round(image.shape[0] * factor)))
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.uint8), size[0] / image.shape[1]
+
+
+def to_reduced(pixels: ArrayLike, factor: float) -> FloatArray:
+    """Pixels (...,2) of the photo as pixels of its reduced copy: corners coincide, not centres."""
+    reduced_pixels: FloatArray = (np.asarray(pixels, dtype=np.float64) + 0.5) * factor - 0.5
+    return reduced_pixels
+
+
+def to_full(pixels: ArrayLike, factor: float) -> FloatArray:
+    """Pixels (...,2) of a reduced copy as pixels of the photo."""
+    full: FloatArray = (np.asarray(pixels, dtype=np.float64) + 0.5) / factor - 0.5
+    return full
+
+
+def lab(image: ByteArray) -> Float32Array:
+    """CIELAB (H,W,3) of an sRGB photo: L* 0..100, a*, b*."""
+    return cv2.cvtColor(image.astype(np.float32) / 255, cv2.COLOR_RGB2LAB).astype(np.float32)
+
+
+def evened(colours: Float32Array) -> Float32Array:
+    """CIELAB (H,W,3) less its local mean, in local standard deviations.
+
+    An edge in shade counts like one in light, and one of hue like one of lightness.
+    """
+    offset = colours - cv2.GaussianBlur(colours, (0, 0), _NEIGHBOURHOOD)
+    variance = cv2.GaussianBlur(offset * offset, (0, 0), _NEIGHBOURHOOD)
+    even: Float32Array = (offset / np.sqrt(variance + _FLOOR**2)).astype(np.float32)
+    return even
+
+
+def gradient(even: Float32Array) -> Gradient:
+    """Smoothed gradient of an evened image (H,W,3): at every pixel that of the channel where it is steepest."""
+    smooth = cv2.GaussianBlur(even, (0, 0), 0.8)
+    u = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=0.125).astype(np.float32)
+    v = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, scale=0.125).astype(np.float32)
+    steepest = np.argmax(u * u + v * v, axis=2)[:, :, None]
+    return Gradient(
+        np.take_along_axis(u, steepest, axis=2)[:, :, 0], np.take_along_axis(v, steepest, axis=2)[:, :, 0]
+    )
+
+
+def straight_segments(even: Float32Array) -> FloatArray:
+    """Straight edge segments (N,4), u and v of both ends, of all channels of an evened image (H,W,3).
+
+    Source: von Gioi, Jakubowicz, Morel and Randall, LSD: a fast line segment detector, PAMI 2010.
+    """
+    detector = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD)
+    levels = np.clip(even * 50 + 128, 0, 255).astype(np.uint8)
+    found: list[FloatArray] = [np.zeros((0, 4))]
+    for channel in range(3):
+        # typed as never None, but an image without edges has none
+        segments: AnyArray | None = detector.detect(np.ascontiguousarray(levels[:, :, channel]))[0]
+        if segments is not None:
+            found.append(np.asarray(segments, dtype=np.float64).reshape(-1, 4))
+    return np.concatenate(found)
