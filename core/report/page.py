@@ -86,9 +86,10 @@ def _header(report: Report, rows: Sequence[PhotoRow]) -> str:
     if np.any(scan.offset):
         numbers = ", ".join(f"{value:.3f}" for value in scan.offset)
         offset = f"Coordinates are kept relative to the offset ({numbers}) m."
+    name = scan.path.name if scan.path else scan.name
     return (
         f"<header><h1>{escape(report.title)}</h1>"
-        f'<p class="soft">{when}Scan {escape(scan.name)}, metres. {offset}</p></header>'
+        f'<p class="soft">{when}Scan {escape(name)}, metres. {offset}</p></header>'
         f'<dl class="facts">{items}</dl>'
     )
 
@@ -203,7 +204,8 @@ def _legend(legend: FaceMap | None) -> str:
             f"{escape(legend.ends[1])} (logarithmic)"
         )
     swatches = "".join(
-        f'<span class="swatch" style="background: {_css(colour)}"></span>{escape(text)}'
+        f'<span class="entry"><span class="swatch" style="background: {_css(colour)}"></span>'
+        f"{escape(text)}</span> "
         for colour, text in legend.entries
     )
     return f"{ramp}<br>{swatches}"

@@ -44,6 +44,7 @@ figure { margin: 0; break-inside: avoid; }
 figure img { display: block; width: 100%; height: auto; border-radius: .3rem; background: #8882; }
 figcaption { font-size: .88rem; padding-top: .35rem; }
 figcaption strong { color: var(--ink); }
+.entry { white-space: nowrap; }
 .swatch { display: inline-block; width: .8em; height: .8em; border-radius: .15em; margin: 0 .3em 0 .8em; }
 .ramp { display: inline-block; width: 9em; height: .8em; border-radius: .15em; margin: 0 .4em; }
 .key { display: inline-block; width: 1.6em; margin: 0 .35em 0 .9em; vertical-align: .25em; }
@@ -61,6 +62,7 @@ ul.plain { padding-left: 1.1rem; margin: .4rem 0; }
   .gallery { grid-template-columns: 1fr 1fr; gap: 4mm; } .facts { grid-template-columns: repeat(4, 1fr); }
   .facts dd { font-size: 12pt; } table { font-size: 7.5pt; } th, td { padding: 2pt 3pt; }
   .wide { overflow: visible; }
+  .camera { min-width: 24mm; } section > p { break-after: avoid; }
   tr { break-inside: avoid; } * { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
 }
 """
