@@ -18,6 +18,7 @@ from ..scans.scan import Scan
 from ..settings import TextureSettings
 from ..texture import Selection, SplitMesh, select_views_job, split_large_faces_job
 from .digest import code_digest, digest, file_digest
+from .facing import check_facing
 from .store import Store
 
 
@@ -60,7 +61,8 @@ def texture_scan_job(
 
     `views` are in the scan's local coordinates; `occluders` have the offset of the scan and hide it without
     getting texture. With a `store` the result is taken over when nothing changed. Raises TextureError for a
-    point cloud or no views, PhotoError for a photo that cannot be read.
+    point cloud, no views, or views that look past the scan or at its back; PhotoError for a photo that
+    cannot be read.
     """
     settings, store = settings or TextureSettings(), store or Store()
     if scan.is_cloud:
@@ -72,6 +74,8 @@ def texture_scan_job(
     saved = store.load_arrays("texture", key)
     if saved is not None:
         return _from_arrays(saved, views)
+    if not settings.double_sided:
+        check_facing(scan, views)
     hiding = [(other.vertices, other.faces) for other in occluders if not other.is_cloud]
     mesh: SplitMesh = yield from part(
         split_large_faces_job(scan.vertices, scan.faces, views, settings.uv_tolerance), 0.0, 0.2

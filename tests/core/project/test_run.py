@@ -5,7 +5,7 @@ import os
 import cv2
 import numpy as np
 import pytest
-from fresco.core.errors import OutputError, PhotoError, PoseNotFound, ProjectError
+from fresco.core.errors import OutputError, PhotoError, PoseNotFound, ProjectError, TextureError
 from fresco.core.geometry.rigid import rotation_angle
 from fresco.core.photos import read_image
 from fresco.core.project import poses as pose_stage
@@ -286,6 +286,32 @@ def test_full_disk_keeps_finished_work_and_leaves_no_halves(corner, monkeypatch)
     assert not (path.parent / "out" / "cache" / "texture.npz").exists()
     run(path)
     assert len(solved) == 3
+
+
+def turn_scan_over(path):
+    lines = (path.parent / "scan.ply").read_text().splitlines()
+    turned = [" ".join(["3", *line.split()[:0:-1]]) if line.startswith("3 ") else line for line in lines]
+    assert sum(a != b for a, b in zip(lines, turned, strict=True)) == 1200
+    (path.parent / "scan.ply").write_text("\n".join(turned) + "\n")
+
+
+def test_scan_inside_out_is_refused_and_turned_over_by_the_setting(corner):
+    path, _ = corner()
+    turn_scan_over(path)
+    with pytest.raises(TextureError, match=r"see the back of scan \(100 % .*turn_over = true"):
+        run(path)
+    edit(path, "[scan]", "[scan]\nturn_over = true")
+    result = run(path)
+    assert result.textured.coverage > 0.75
+    assert "Turned over all faces, as the settings ask." in result.scan.report
+
+
+def test_poses_that_look_past_the_scan_are_refused(corner):
+    path, _ = corner()
+    pose = "{ rotation = [[1, 0, 0], [0, 0, -1], [0, 1, 0]], centre = [5, 5000, 1] }"
+    edit(path, 'regions = "masks/{photo}/{region}.png"', f"pose = {pose}")
+    with pytest.raises(TextureError, match="No photo sees scan"):
+        run(path)
 
 
 def test_inputs_are_never_changed(corner):
