@@ -1,6 +1,6 @@
 """Run the sample project, show the cameras' errors against the truth, re-render photos left out of texturing.
 
-python tests/benchmarks/sample.py [--report report.html] [--picture sample.jpg] [--held-out]
+python tests/benchmarks/sample.py [--report report.html] [--picture sample.jpg] [--held-out] [--true-poses]
 """
 
 import argparse
@@ -37,11 +37,15 @@ def main():
     options.add_argument(
         "--held-out", action="store_true", help="texture without each photo, compare with it"
     )
+    options.add_argument(
+        "--true-poses", action="store_true", help="use the true poses: measures texture alone"
+    )
     chosen = options.parse_args()
     start = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        result = run(chosen.sample, Path(folder))
-    report = project_report(result, read_truth(chosen.sample / "truth.json"))
+        truth = read_truth(chosen.sample / "truth.json")
+        result = run(chosen.sample, Path(folder), truth if chosen.true_poses else {})
+    report = project_report(result, truth)
     print_poses(photo_rows(report))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(
@@ -56,10 +60,13 @@ def main():
         print_held_out(result)
 
 
-def run(sample, folder):
+def run(sample, folder, given_poses):
     project = load_project(sample / "project.toml")
     output = dataclasses.replace(project.output, folder=folder)
-    return run_project(dataclasses.replace(project, output=output))
+    photos = tuple(
+        dataclasses.replace(entry, pose=given_poses.get(entry.photo.name)) for entry in project.photos
+    )
+    return run_project(dataclasses.replace(project, output=output, photos=photos))
 
 
 def read_truth(path):
@@ -81,7 +88,9 @@ def print_poses(rows):
             f"{row.name:18} {' '.join(row.regions):32} {row.overlap_error:9.2f} {row.rotation_error:7.3f} "
             f"{row.rotation_sigma:6.3f} {row.centre_error:9.1f} {row.centre_sigma:6.1f}"
         )
-    known = [row for row in rows if row.rotation_error is not None]
+    known = [row for row in rows if row.overlap_error is not None]
+    if not known:
+        return
     rotation, centre = (
         np.median([getattr(row, name) for row in known]) for name in ("rotation_error", "centre_error")
     )

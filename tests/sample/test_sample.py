@@ -78,7 +78,7 @@ def test_masks_show_the_regions_where_the_true_cameras_see_them(project, surface
             pixels = [
                 photo.camera.project(loop @ rotation.T + translation) for loop in surfaces[mark.name].loops
             ]
-            seen = ImageRegion.from_polygon(max(pixels, key=len)).mask(
+            seen = ImageRegion.from_polygon(max(pixels, key=len)).to_mask(
                 photo.camera.width, photo.camera.height
             )
             overlap = np.count_nonzero(mask & seen) / np.count_nonzero(mask | seen)
