@@ -14,7 +14,7 @@ from ..arrays import AnyArray, ArrayLike, ByteArray, Float32Array, FloatArray
 from ..errors import RegionError
 
 _NEIGHBOURHOOD = 24.0  # pixels (sigma) over which contrast is evened out
-_FLOOR = 4.0  # units of L*, a*, b* below which contrast counts as noise
+_FLOOR = np.array([4.0, 8.0, 8.0], dtype=np.float32)  # L*, a*, b* below which contrast counts as noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,10 @@ def evened(colours: Float32Array) -> Float32Array:
 
 
 def gradient(even: Float32Array) -> Gradient:
-    """Smoothed gradient of an evened image (H,W,3): at every pixel that of the channel where it is steepest."""
+    """Smoothed gradient of an evened image (H,W,3).
+
+    At every pixel that of the channel where it is steepest.
+    """
     smooth = cv2.GaussianBlur(even, (0, 0), 0.8)
     u = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=0.125).astype(np.float32)
     v = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, scale=0.125).astype(np.float32)

@@ -49,6 +49,7 @@ def find_lines_job(segments: FloatArray, width: int, height: int, limit: int = 2
     centre = np.array([(width - 1) / 2, (height - 1) / 2])
     reach = float(np.hypot(width, height)) / 2 + 2 * STEP
     ends = segments.reshape(-1, 2, 2) - centre
+    ends = ends[np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > _MEMBER]
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     free = length >= _SHORTEST
     order = np.argsort(-length, kind="stable")
@@ -82,8 +83,8 @@ def _fit(ends: FloatArray, length: FloatArray, first: int) -> tuple[FloatArray, 
     normal = np.array([-towards[1], towards[0]])
     offset = float(normal @ ends[first].mean(axis=0))
     members = np.zeros(len(ends), dtype=np.bool_)
-    for _ in range(3):
-        members = np.all(np.abs(ends @ normal - offset) < _TOLERANCE, axis=1) & (length > _MEMBER)
+    for _ in range(2):
+        members = np.all(np.abs(ends @ normal - offset) < _TOLERANCE, axis=1)
         members[first] = True
         points, weight = ends[members].reshape(-1, 2), np.repeat(length[members], 2)
         middle = weight @ points / weight.sum()

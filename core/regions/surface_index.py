@@ -148,7 +148,10 @@ def _check(points: FloatArray, triangles: IndexArray, colours: ArrayLike | None)
 
 
 def _smoothed(normal: FloatArray, area: FloatArray, pair: IntArray) -> FloatArray:
-    """Normals (F,3) averaged with those neighbours that turn less than about 60 degrees: creases stay sharp."""
+    """Normals (F,3) averaged with those neighbours that turn less than about 60 degrees.
+
+    Creases stay sharp.
+    """
     cosine = np.einsum("nk,nk->n", normal[pair[:, 0]], normal[pair[:, 1]])
     smooth = normal * area[:, None]
     smooth += _from_neighbours(normal * area[:, None], pair, np.clip(2 * cosine - 1, 0, 1) ** 2)

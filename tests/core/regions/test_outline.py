@@ -1,8 +1,5 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
 from fresco.core.errors import RegionError
 from fresco.core.regions.outline import (
     brush_mask,
@@ -14,6 +11,8 @@ from fresco.core.regions.outline import (
     without_holes,
     without_specks,
 )
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 
 def square(size=40, low=10, high=30):

@@ -1,7 +1,6 @@
 import cv2
 import numpy as np
 import pytest
-
 from fresco.core.errors import RegionError
 from fresco.core.jobs import Progress
 from fresco.core.regions.frames import polygon_areas, polygon_moments

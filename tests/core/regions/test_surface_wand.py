@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-
 from fresco.core.errors import RegionError
 from fresco.core.regions.robust_fit import fit_plane, fit_quadric, fit_smooth
 from fresco.core.regions.surface_index import index_surface
@@ -23,7 +22,10 @@ def grid(width, height, step):
 
 
 def wall(noise=0.002, seed=1):
-    """Wall 4 x 3 m with a panel (1..3, 1..2) recessed by 0.1 m and a boss of 5 cm in it: vertices, faces, panel faces."""
+    """Wall 4 x 3 m with a panel (1..3, 1..2) recessed by 0.1 m and a boss of 5 cm in it.
+
+    Vertices, faces, panel faces.
+    """
     vertices, faces = grid(4, 3, 0.025)
     x, y = vertices[:, 0], vertices[:, 1]
     panel = (x > 1.01) & (x < 2.99) & (y > 1.01) & (y < 1.99)
@@ -60,7 +62,7 @@ def test_one_click_finds_a_recessed_panel_with_its_ornament():
 def test_national_grid_coordinates_change_nothing():
     vertices, faces, _ = wall()
     assert np.array_equal(
-        clicked(vertices, faces, 2.0, 1.5), clicked(vertices + FAR, faces, *(FAR[:2] + (2.0, 1.5)))
+        clicked(vertices, faces, 2.0, 1.5), clicked(vertices + FAR, faces, FAR[0] + 2.0, FAR[1] + 1.5)
     )
 
 
