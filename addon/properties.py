@@ -65,6 +65,7 @@ class FrescoPhoto(bpy.types.PropertyGroup):
     )
     pose_json: bpy.props.StringProperty(description="Pose in double precision with its covariance")
     solution_json: bpy.props.StringProperty(description="What the solver found, with the alternatives")
+    candidate: bpy.props.IntProperty(description="Which of the solver's poses is shown, 0 the best")
     marks: bpy.props.CollectionProperty(type=FrescoMark)
     use: bpy.props.BoolProperty(name="Use", default=True, description="Use this photo at all")
     use_texture: bpy.props.BoolProperty(

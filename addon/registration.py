@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from . import cli, jobs, preferences, properties, settings
-from .operators import export, photos, pose, project, regions, scan, texture
+from .operators import calibration, export, photos, pose, project, regions, scan, texture
 from .panels import base as base_panel
 from .panels import export as export_panel
 from .panels import photos as photos_panel
@@ -21,6 +21,7 @@ _MODULES = (
     properties,
     scan,
     photos,
+    calibration,
     regions,
     pose,
     texture,

@@ -39,6 +39,7 @@ def fill_mesh(mesh: bpy.types.Mesh, vertices: ArrayLike, faces: IntArray) -> Non
     mesh.polygons.foreach_set("loop_start", starts)
     mesh.attributes[".corner_vert"].data.foreach_set("value", corners.ravel())
     mesh.update(calc_edges=True)
+    mesh.shade_flat()  # a scan's facets are what was measured
     for name in (".select_vert", ".select_edge", ".select_poly"):  # new geometry comes selected
         remove_attribute(mesh, name)
 

@@ -126,7 +126,7 @@ def write_world_pose(
 def write_solution(scene: bpy.types.Scene, item: FrescoPhoto, solved: PhotoPose) -> None:
     """Show what became of a photo in the pose stage; a pose that does not count is shown, too."""
     item.message = " ".join(text for text in (solved.failure, *solved.notes) if text)
-    item.solution_json = json.dumps(pose_to_dict(solved))
+    item.solution_json, item.candidate = json.dumps(pose_to_dict(solved)), 0
     item.overlap, item.centre_sigma, item.rotation_sigma = -1.0, 0.0, 0.0
     pose = solved.pose
     if pose is None:
@@ -137,6 +137,23 @@ def write_solution(scene: bpy.types.Scene, item: FrescoPhoto, solved: PhotoPose)
         item.overlap = solved.overlap_error
         item.centre_sigma, item.rotation_sigma = pose.centre_sigma, pose.rotation_sigma
     write_pose(scene, item, pose.rotation, pose.translation, None if solved.given else pose.covariance)
+
+
+def read_candidates(item: FrescoPhoto) -> list[Pose]:
+    """Return all poses that the solver found for a photo, the best first; none before it is solved."""
+    if not item.solution_json:
+        return []
+    pose = pose_from_dict(json.loads(item.solution_json)).pose
+    return [] if pose is None else [pose, *getattr(pose, "alternatives", ())]
+
+
+def show_candidate(scene: bpy.types.Scene, item: FrescoPhoto, number: int) -> None:
+    """Move a photo's camera to another one of the solver's poses."""
+    pose = read_candidates(item)[number]
+    item.candidate = number
+    item.overlap = pose.overlap_error
+    item.centre_sigma, item.rotation_sigma = pose.centre_sigma, pose.rotation_sigma
+    write_pose(scene, item, pose.rotation, pose.translation, pose.covariance)
 
 
 def read_solution(scene: bpy.types.Scene, item: FrescoPhoto) -> PhotoPose:

@@ -114,13 +114,15 @@ def read_texture(scene: bpy.types.Scene) -> TexturedScan:
     items = [photos[name] for name in names]
     uvs = meshes.read_uvs(mesh, materials.UV_MAP)
     size = _photo_sizes(items)[values["view"]]
+    pixels = materials.pixels_from_uvs(uvs, size[:, None, 0], size[:, None, 1])
+    pixels[values["view"] < 0] = 0.0
     faces = meshes.read_faces(mesh)
     return TexturedScan(
         vertices=meshes.read_vertices(obj),
         faces=faces,
         parent=np.arange(len(faces), dtype=np.int32),
         selection=Selection(
-            uv=materials.pixels_from_uvs(uvs, size[:, None, 0], size[:, None, 1]),
+            uv=pixels,
             **{name: np.array(numbers) for name, numbers in json.loads(mesh[NUMBERS_KEY]).items()},
             **values,
         ),

@@ -81,6 +81,27 @@ class FRESCO_OT_solve_poses(JobOperator):
         self.report({"INFO"}, f"{found} of {len(self._photos)} photos solved")
 
 
+class FRESCO_OT_next_candidate(StepOperator):
+    bl_idname = "fresco.next_candidate"
+    bl_label = "Next Candidate"
+    bl_description = (
+        "Show the next pose that explains the chosen photo's regions as well; accept the right one"
+    )
+    bl_options = {"UNDO"}
+    step = "pose"
+
+    @classmethod
+    def ready(cls, context: bpy.types.Context) -> bool:
+        photo = context.scene.fresco.active_photo
+        cls.poll_message_set("The chosen photo has only one pose")
+        return photo is not None and photo.camera is not None and len(bridge.read_candidates(photo)) > 1
+
+    def run(self, context: bpy.types.Context) -> None:
+        photo = context.scene.fresco.active_photo
+        count = len(bridge.read_candidates(photo))
+        bridge.show_candidate(context.scene, photo, (photo.candidate + 1) % count)
+
+
 class FRESCO_OT_accept_pose(StepOperator):
     bl_idname = "fresco.accept_pose"
     bl_label = "Accept Pose"
@@ -103,4 +124,4 @@ class FRESCO_OT_accept_pose(StepOperator):
         photo.message = "Accepted by hand."
 
 
-CLASSES = (FRESCO_OT_solve_poses, FRESCO_OT_accept_pose)
+CLASSES = (FRESCO_OT_solve_poses, FRESCO_OT_next_candidate, FRESCO_OT_accept_pose)

@@ -55,4 +55,15 @@ class FRESCO_OT_open_project(JobOperator):
         self.report({"INFO"}, f"{len(result.project.photos)} photos, {len(result.region_faces)} regions")
 
 
-CLASSES = (FRESCO_OT_open_project,)
+class FRESCO_FH_project(bpy.types.FileHandler):
+    bl_idname = "FRESCO_FH_project"
+    bl_label = "Fresco project"
+    bl_import_operator = "fresco.open_project"
+    bl_file_extensions = ".toml"
+
+    @classmethod
+    def poll_drop(cls, context: bpy.types.Context) -> bool:
+        return context.area is not None and context.area.type == "VIEW_3D"
+
+
+CLASSES = (FRESCO_OT_open_project, FRESCO_FH_project)

@@ -12,7 +12,7 @@ import bpy
 from ...core.arrays import BoolArray
 from ...core.errors import RegionError
 from ...core.jobs import Job, Progress
-from ...core.photos import RegionMark, check_mask, image_size, read_mask, touches_frame
+from ...core.photos import RegionMark, check_mask, image_size, read_mask
 from ..bridge import meshes
 from ..bridge import regions as bridge
 from ..jobs import JobOperator, StepOperator
@@ -154,34 +154,23 @@ class MaskImport(JobOperator):
             region = bridge.named_region(context.scene, mark.name)
             bridge.write_mark(photos[name], region, mark, result.sizes[name])
         self.report({"INFO"}, f"{len(result.marks)} masks loaded")
-        if result.cut_off:
-            count, names = len(result.cut_off), ", ".join(result.cut_off[:3])
-            self.warn(
-                context,
-                f"{count} of {len(result.marks)} masks touch the edge of their photo, which cuts off the "
-                f"region's outline; they are not used for the pose: {names}",
-            )
 
 
 @dataclass(frozen=True, eq=False)
 class CheckedMasks:
-    """Masks that fit: (photo, mark) each, the photos' sizes, and the names of masks cut off by the frame."""
+    """Masks that fit: (photo, mark) each, and the photos' sizes."""
 
     marks: list[tuple[str, RegionMark]]
     sizes: dict[str, tuple[int, int]]
-    cut_off: list[str]
 
 
 def check_masks_job(files: dict[str, Path], masks: list[tuple[str, Path]]) -> Job[CheckedMasks]:
     """Check mask files, (photo, mask file) each; `files` are the photos' files. Raises RegionError."""
     sizes = {name: image_size(path) for name, path in files.items()}
-    checked = CheckedMasks([], sizes, [])
+    checked = CheckedMasks([], sizes)
     for number, (photo, path) in enumerate(masks):
         yield Progress(number / len(masks), f"Checking {path.name}")
-        mask = read_mask(path)
-        check_mask(mask, *sizes[photo], str(path))
-        if touches_frame(mask):
-            checked.cut_off.append(f"{path.stem} in {photo}")
+        check_mask(read_mask(path), *sizes[photo], str(path))
         checked.marks.append((photo, RegionMark(path.stem, path)))
     return checked
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+from mathutils import Vector
 
 from ...core.jobs import Job
 from ...core.scans import READERS, read_scan_job
@@ -50,12 +51,15 @@ def show_only(context: bpy.types.Context, scan: bpy.types.Object) -> None:
         obj.select_set(False)
     scan.select_set(True)
     context.view_layer.objects.active = scan
-    if context.space_data is not None and context.space_data.type == "VIEW_3D":
-        size = max(scan.dimensions)
-        context.space_data.clip_end = max(context.space_data.clip_end, 20 * size)
-        window = next(region for region in context.area.regions if region.type == "WINDOW")
-        with context.temp_override(region=window):
-            bpy.ops.view3d.view_selected()
+    context.view_layer.update()
+    space = context.space_data
+    if space is not None and space.type == "VIEW_3D":
+        corners = [scan.matrix_world @ Vector(corner) for corner in scan.bound_box]
+        size = (corners[6] - corners[0]).length
+        space.clip_end = max(space.clip_end, 20 * size)
+        space.region_3d.view_perspective = "PERSP"
+        space.region_3d.view_location = (corners[0] + corners[6]) / 2
+        space.region_3d.view_distance = 1.2 * size
 
 
 class FRESCO_FH_scan(bpy.types.FileHandler):

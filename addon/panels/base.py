@@ -127,7 +127,7 @@ class FRESCO_PT_job(FrescoPanel, bpy.types.Panel):
         head.label(text=status.label, icon="SORTTIME")
         right = head.row()
         right.alignment = "RIGHT"
-        right.label(text="ESC stops", icon="EVENT_ESC")
+        right.label(text="stops", icon="EVENT_ESC")
         box.progress(factor=status.fraction, text=f"{100 * status.fraction:.0f} %   {status.time_left}")
         draw_text(box, context, status.message)
 

@@ -26,16 +26,16 @@ class FRESCO_UL_photos(bpy.types.UIList):
         active_property: str,
         index: int,
     ) -> None:
+        layout.use_property_split = False
         row = layout.row(align=True)
         row.prop(item, "use", text="")
         body = row.row(align=True)
         body.active = item.use
-        split = body.split(factor=0.52, align=True)
-        split.label(text=item.name, icon=STATE_ICONS[item.state])
-        numbers = split.row(align=True)
+        body.label(text=item.name, icon=STATE_ICONS[item.state])
+        numbers = body.row(align=True)
         numbers.alignment = "RIGHT"
         numbers.label(text=pose_numbers(item))
-        body.prop(item, "use_texture", text="", icon="TEXTURE", emboss=False)
+        numbers.prop(item, "use_texture", text="", icon="TEXTURE", emboss=False)
         look = row.operator("fresco.look_through", text="", icon="VIEW_CAMERA", emboss=False)
         look.index = index
 
@@ -95,7 +95,8 @@ def draw_photo(layout: bpy.types.UILayout, context: bpy.types.Context, photo: Fr
         )
         return
     if not photo.camera_json:
-        draw_text(layout, context, f"{photo.camera_source} Set its calibration.", icon="ERROR")
+        draw_text(layout, context, photo.camera_source, icon="ERROR")
+        layout.operator("fresco.set_calibration", icon="CAMERA_DATA")
         return
     draw_rows(layout, [("Camera", photo.camera_source), ("Lens", photo.lens_text)])
     for background in photo.camera.data.background_images[:1]:

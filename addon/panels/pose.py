@@ -6,7 +6,7 @@ from statistics import median
 
 import bpy
 
-from ..bridge.photos import is_moved
+from ..bridge.photos import is_moved, read_candidates
 from ..properties import FrescoPhoto
 from .base import SettingsPanel, StepPanel, draw_rows, draw_text
 from .photos import STATE_ICONS, format_length
@@ -70,6 +70,10 @@ def draw_pose(layout: bpy.types.UILayout, context: bpy.types.Context, photo: Fre
         )
     if photo.message:
         draw_text(box, context, photo.message, icon="INFO")
+    candidates = read_candidates(photo) if photo.state == "AMBIGUOUS" else []
+    if len(candidates) > 1:
+        text = f"Candidate {photo.candidate + 1} of {len(candidates)}: Show Next"
+        box.operator("fresco.next_candidate", text=text, icon="FILE_REFRESH")
     if photo.state in {"AMBIGUOUS", "FAILED", "UNSOLVED"} or is_moved(context.scene, photo):
         if photo.state in {"SOLVED", "GIVEN"}:
             draw_text(box, context, "Its camera was moved since.", icon="INFO")

@@ -29,6 +29,7 @@ class FRESCO_UL_regions(bpy.types.UIList):
         active_property: str,
         index: int,
     ) -> None:
+        layout.use_property_split = False
         row = layout.row(align=True)
         swatch = row.row()
         swatch.ui_units_x = 0.9

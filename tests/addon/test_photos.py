@@ -88,6 +88,26 @@ def test_a_photo_without_distortion_is_shown_itself(scene, folder):
     assert not scene.fresco.photos[1].camera_json
 
 
+def test_calibration_of_a_listed_body(scene, folder):
+    bpy.ops.fresco.import_photo_folder(directory=str(folder / "photos"))
+    bpy.ops.fresco.set_calibration(source="BODY", body="Canon EOS 6D", focal_mm=35)
+    photo = scene.fresco.photos[0]
+    assert json.loads(photo.camera_json)["K"][0][0] == pytest.approx(35 / 35.8 * 480, rel=0.01)
+    assert "Canon EOS 6D" in photo.camera_source
+    with pytest.raises(RuntimeError, match="Kodak Instamatic"):
+        bpy.ops.fresco.set_calibration(source="BODY", body="Kodak Instamatic", focal_mm=35)
+
+
+def test_calibration_from_a_file(scene, folder, tmp_path, room, module):
+    bpy.ops.fresco.import_photo_folder(directory=str(folder / "photos"))
+    camera = module("core.cameras").PerspectiveCamera(*room.SIZE, room.K, room.DISTORTION)
+    module("core.cameras.files").write_camera_json(tmp_path / "lencse ő.json", camera)
+    bpy.ops.fresco.set_calibration(source="FILE", filepath=str(tmp_path / "lencse ő.json"), all_alike=True)
+    for photo in scene.fresco.photos:
+        assert json.loads(photo.camera_json)["distortion"][0] == pytest.approx(-0.12)
+        assert photo.camera_source == "Calibration file lencse ő.json"
+
+
 def test_choosing_a_photo_makes_it_the_scenes_camera(imported):
     imported.fresco.photo_index = 2
     assert imported.camera == imported.fresco.photos[2].camera

@@ -1,5 +1,7 @@
 """Solving in the scene: cameras go where the photos were taken."""
 
+import json
+
 import bpy
 import numpy as np
 import pytest
@@ -87,6 +89,26 @@ def test_a_camera_placed_by_hand_can_be_accepted(imported):
     photo = imported.fresco.photos[0]
     imported.fresco.photo_index = 0
     photo.camera.location = (3, 3, 2)
+    bpy.ops.fresco.accept_pose()
+    assert photo.state == "GIVEN"
+    assert bpy.ops.fresco.texture_scan.poll()
+
+
+def test_candidates_of_an_ambiguous_photo_can_be_looked_at_and_accepted(imported, room, module):
+    photo = imported.fresco.photos[0]
+    imported.fresco.photo_index = 0
+    bpy.ops.fresco.solve_poses(only_active=True)
+    solution = json.loads(photo.solution_json)
+    other = {**solution["pose"], "translation": [0.0, 0.0, 9.0]}
+    solution["pose"]["alternatives"] = [other]
+    photo.solution_json, photo.state = json.dumps(solution), "AMBIGUOUS"
+    assert not bpy.ops.fresco.texture_scan.poll(), "an ambiguous pose is not used by itself"
+    bpy.ops.fresco.next_candidate()
+    bridge = module("addon.bridge.photos")
+    np.testing.assert_allclose(bridge.read_view(imported, photo).translation, (0, 0, 9))
+    bpy.ops.fresco.next_candidate()
+    _, translation = room.POSES[0]
+    np.testing.assert_allclose(bridge.read_view(imported, photo).translation, translation, atol=0.03)
     bpy.ops.fresco.accept_pose()
     assert photo.state == "GIVEN"
     assert bpy.ops.fresco.texture_scan.poll()

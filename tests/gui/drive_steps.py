@@ -1,6 +1,6 @@
 """Runs inside Blender's window: goes through the five steps by their buttons, and stops each by ESC first.
 
-Arguments: the folder with the small scene (scan.ply, photos/, masks/), and one to export into.
+Arguments: the folder with the small scene (scan.ply, photos/, many photos/, masks/), and one to export into.
 """
 
 import sys
@@ -59,7 +59,7 @@ def choose(ui, folder, names=()):
         if len(names) > 1:
             bpy.ops.file.select_all(action="SELECT")
         bpy.ops.file.execute("INVOKE_DEFAULT")
-    yield 0.3
+    yield 0.1
 
 
 def stop(ui, name):
@@ -108,9 +108,9 @@ def step_scan(ui):
 def step_photos(ui):
     slow_down(True)
     yield from press(ui, "fresco.import_photo_folder", at=0.87)
-    yield from choose(ui, FOLDER / "photos")
+    yield from choose(ui, FOLDER / "many photos")
     yield from stop(ui, "import photos")
-    assert len(fresco().photos) == 0 and not bpy.data.images.get("wall 1.png")
+    assert len(fresco().photos) == 0 and not any(obj.type == "CAMERA" for obj in bpy.data.objects)
     slow_down(False)
     yield from press(ui, "fresco.import_photo_folder", at=0.87)
     yield from choose(ui, FOLDER / "photos")
@@ -247,6 +247,15 @@ def steps(ui):
     yield from widen_sidebar(ui)
     yield from park_mouse(ui)
     ui.shot("1 empty")
-    for step in (step_scan, step_photos, step_calibration, step_regions, step_pose, step_texture, step_undo, step_export):
+    for step in (
+        step_scan,
+        step_photos,
+        step_calibration,
+        step_regions,
+        step_pose,
+        step_texture,
+        step_undo,
+        step_export,
+    ):
         ui.log(step.__name__)
         yield from step(ui)
