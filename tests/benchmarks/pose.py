@@ -1,7 +1,7 @@
 """Benchmark of poses from regions: `python tests/benchmarks/pose.py [--quick] [--only TEXT] [--write]`.
 
-Draws the published protocol's cases with our own shapes, solves them without hints, and prints one Markdown row
-per setting; `--write` puts the table into docs/benchmarks.md. Times are CPU times of one thread.
+Draws the published protocol's cases with our own shapes, solves them without hints, and prints one row per
+setting; `--write` puts the table into docs/benchmarks.md. Times are CPU times of one thread.
 """
 
 import argparse
@@ -203,8 +203,19 @@ def row(result):
     return "| " + " | ".join(cells) + " |"
 
 
-HEADER = """| setting | rotation ° | within 1° % | translation mm | δ % | wrong % | flagged % | locked % | NEES mean / median | ms |
-|---|---|---|---|---|---|---|---|---|---|"""
+COLUMNS = (
+    "setting",
+    "rotation °",
+    "within 1° %",
+    "translation mm",
+    "δ %",
+    "wrong %",
+    "flagged %",
+    "locked %",
+    "NEES mean / median",
+    "ms",
+)
+HEADER = "| " + " | ".join(COLUMNS) + " |\n" + "|---" * len(COLUMNS) + "|"
 
 VERBOSE = False
 

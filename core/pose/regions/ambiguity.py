@@ -60,9 +60,10 @@ def chosen(
 
 def _rivals(problem: Problem, fits: Sequence[OutlineFit]) -> list[OutlineFit]:
     """Best fit first, then those about as good; with several regions, poses behind the surface give way."""
-    if any(fit.locked for fit in fits):
-        most = max(fit.share for fit in fits if fit.locked)
-        rivals = [fit for fit in fits if fit.locked and fit.share >= ALIKE_SHARE * most]
+    nearest = min(fit.near for fit in fits)
+    if nearest < np.inf:
+        most = max(fit.share for fit in fits if fit.near == nearest)
+        rivals = [fit for fit in fits if fit.near == nearest and fit.share >= ALIKE_SHARE * most]
         rivals.sort(key=lambda fit: -fit.share)
     else:
         rivals = list(fits)
@@ -89,7 +90,7 @@ def _pose(problem: Problem, fit: OutlineFit) -> RegionPose:
         world_covariance(fit.covariance, fit.rotation, fit.translation),
         overlap_error=overlap,
         region_errors=each,
-        locked=fit.locked,
+        locked=fit.near < np.inf,
     )
 
 

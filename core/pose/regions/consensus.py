@@ -1,8 +1,8 @@
 """Search around a moment solution for the pose at which most of the boundary lies exactly on the outline.
 
-Moments average over all drawing errors; where these are gross (bites and bumps), part of the outline is still
-right. Each boundary sample keeps the offsets of the outline pieces it may belong to, as a linear function of the
-pose, so that hundreds of poses are scored with a few array operations.
+Moments average over all drawing errors; where these are gross (bites and bumps), part of the outline is
+still right. Each boundary sample keeps the offsets of the outline pieces it may belong to, as a linear
+function of the pose, so that hundreds of poses are scored with a few array operations.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def _offsets(pair: ContourPair, pixels: FloatArray, normals: FloatArray) -> Floa
 def search_consensus(
     offsets: Offsets, covariance: FloatArray, generator: np.random.Generator, near: float = NEAR
 ) -> Consensus:
-    """Draw poses from `covariance` (6,6), let the best climb by reweighted least squares, rank by consensus."""
+    """Draw poses from `covariance` (6,6), let the best climb by reweighted least squares, rank."""
     spread = np.linalg.cholesky(covariance)
     slope = offsets.jacobian @ spread
     choices = [np.ascontiguousarray(column) for column in offsets.values.T]

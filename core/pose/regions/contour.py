@@ -13,9 +13,6 @@ from ...cameras.base import Camera
 from ...geometry.contours import resampled, smoothed
 from ...geometry.rigid import exp_so3
 
-HALF_WIDTH = 3  # samples, a pixel apart, on either side of a local fit
-BLOCK = 24  # pixels of boundary whose errors hang together: the side of a slip of the hand
-ALIKE = 0.85  # cosine between normals of outline and projected boundary that belong together
 SAMPLES = 600  # boundary samples per region
 
 
@@ -45,11 +42,11 @@ class SurfaceContour:
 
 @dataclass(frozen=True, eq=False)
 class ContourPair:
-    """Outline and boundary that should coincide; `alike` is the least cosine of normals that belong together."""
+    """Outline and boundary that should coincide; `alike` is the least cosine of normals that match."""
 
     image: ImageContour
     surface: SurfaceContour
-    alike: float = ALIKE
+    alike: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +59,7 @@ class Match:
 
 
 def image_contour(
-    loops: Sequence[FloatArray], hidden: BoolArray | None, half_width: int = HALF_WIDTH
+    loops: Sequence[FloatArray], hidden: BoolArray | None, half_width: int
 ) -> ImageContour:
     """Smooth outlines (n,2) of pixel coordinates; where `hidden` (H,W) is near, they do not count."""
     points, normals = [], []
@@ -85,7 +82,8 @@ def surface_contour(
     regions: Sequence[Sequence[FloatArray]],
     rotation: FloatArray,
     translation: FloatArray,
-    half_width: int = HALF_WIDTH,
+    half_width: int,
+    block: int,
 ) -> SurfaceContour:
     """Sample boundary loops (n,3) one pixel of this pose apart, smooth them as outlines are, thin out."""
     points, tangents, blocks, turns = [], [], [], []
@@ -97,7 +95,7 @@ def surface_contour(
             curve = smoothed(resampled(loop, size), half_width)
             points.append(curve.points)
             tangents.append(turns[-1] * curve.tangents)
-            blocks.append(count + np.arange(len(curve.points)) // BLOCK)
+            blocks.append(count + np.arange(len(curve.points)) // block)
             count = int(blocks[-1][-1]) + 1
     stride = max(1, sum(map(len, points)) // (SAMPLES * len(regions)))
     return SurfaceContour(
@@ -181,9 +179,9 @@ def _length(loop: FloatArray) -> float:
     return float(np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1).sum())
 
 
-def lock_ratio(distances: FloatArray) -> float:
-    """Density of distances within 0.7 px over that from 0.7 to 3.5 px: high where outlines coincide."""
+def lock_ratio(distances: FloatArray, near: float) -> float:
+    """Density of distances below `near` px over that up to five times as far: high where outlines coincide."""
     size = np.abs(distances)
-    near = np.count_nonzero(size < 0.7) / 0.7
-    far = np.count_nonzero((size >= 0.7) & (size < 3.5)) / 2.8
-    return near / max(far, 1.0)
+    inside = np.count_nonzero(size < near)
+    outside = np.count_nonzero((size >= near) & (size < 5 * near))
+    return 4.0 * inside / max(outside, 4.0)

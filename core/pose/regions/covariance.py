@@ -11,8 +11,8 @@ from ...geometry.rigid import skew
 from .contour import ContourPair, Match, robust_weights
 from .moment_pair import MomentPair
 
-FINAL_SCALE = 0.5
-"""Pixels at which a distance loses its weight in the last step of the outline stage."""
+LEAST_CURVATURE = 0.2
+"""Share of the weights' slope that is always kept, so that poorly matched outlines cannot look unsolvable."""
 
 GRAIN = 0.1
 """Pixels of error that a smoothed pixel outline keeps at every sample, however well it fits."""
@@ -31,28 +31,31 @@ def moment_covariance(
     return squares / (equations - 6) * stable_inverse(normal)
 
 
-def outline_covariance(pairs: Sequence[ContourPair], matches: Sequence[Match]) -> FloatArray:
+def outline_covariance(
+    pairs: Sequence[ContourPair], matches: Sequence[Match], scale: float
+) -> FloatArray:
     """Covariance (6,6) of (turn about the origin, shift) from the distances left between outlines.
 
     Errors hang together along a stretch of boundary, so that stretches, not samples, count as independent:
-    the sandwich `H⁻¹ (Σ g gᵀ) H⁻¹` with one gradient g per stretch, plus the grain of the pixels.
-    Source: White 1980; Liang and Zeger 1986.
+    the sandwich `H⁻¹ (Σ g gᵀ) H⁻¹` with one gradient g per stretch, plus the grain of the pixels. H is the
+    weighted `JᵀJ`, less what Geman-McClure weights lose of their slope at the distances met.
+    Source: Huber 1981 (M-estimators); Liang and Zeger 1986 (stretches).
     """
     normal, spread, stretches = np.zeros((6, 6)), np.zeros((6, 6)), 0
+    weight, curvature = 0.0, 0.0
     for pair, found in zip(pairs, matches, strict=True):
-        weights = robust_weights(found.distances, FINAL_SCALE)
+        weights = robust_weights(found.distances, scale)
         distances = np.nan_to_num(found.distances)
         weighted = found.jacobian * weights[:, None]
         normal += weighted.T @ found.jacobian
-        block = pair.surface.block
-        gradients = np.zeros((int(block.max()) + 1, 6))
-        np.add.at(gradients, block, weighted * distances[:, None])
-        grain = np.zeros((len(gradients), 6, 6))
-        np.add.at(grain, block, weighted[:, :, None] * weighted[:, None, :])
-        counted = np.count_nonzero(np.any(gradients != 0, axis=1))
-        stretches += counted
-        spread += gradients.T @ gradients + GRAIN**2 * grain.sum(axis=0)
-    inverse = stable_inverse(normal)
+        squared = (distances / scale) ** 2
+        weight += weights.sum()
+        curvature += float(np.sum(weights * (1.0 - 3.0 * squared) / (1.0 + squared)))
+        gradients = np.zeros((int(pair.surface.block.max()) + 1, 6))
+        np.add.at(gradients, pair.surface.block, weighted * distances[:, None])
+        stretches += np.count_nonzero(np.any(gradients != 0, axis=1))
+        spread += gradients.T @ gradients + GRAIN**2 * weighted.T @ weighted
+    inverse = stable_inverse(normal * max(curvature / weight, LEAST_CURVATURE))
     correction = stretches / max(stretches - 6, 1)
     covariance: FloatArray = correction * inverse @ spread @ inverse
     return covariance

@@ -16,7 +16,7 @@ from ..pose import Pose
 from .algebraic import Candidates, joined, moment_costs, refine_by_moments
 from .ambiguity import chosen, distinct, plausible
 from .covariance import moment_covariance
-from .fitting import OutlineFit, fit_outlines, image_contours
+from .fitting import Contours, OutlineFit, fit_outlines
 from .initial import starting_poses
 from .problem import Problem, make_problem
 from .region_pose import RegionPose
@@ -87,12 +87,12 @@ def estimate_pose_job(
     yield Progress(0.2, "Searching for poses that fit the regions")
     candidates = _candidates(problem, up, initial)
     fits: list[OutlineFit] = []
-    images = image_contours(problem)
+    contours = Contours(problem)
     for number, index in enumerate(_plausible(problem, candidates)):
         yield Progress(0.5 + 0.1 * number, "Fitting the outlines")
         rotation, translation = candidates.rotations[index], candidates.translations[index]
         covariance = moment_covariance(problem.moments, rotation, translation)
-        fits.append(fit_outlines(problem, images, rotation, translation, covariance))
+        fits.append(fit_outlines(contours, rotation, translation, covariance))
     return chosen(problem, fits, initial, settings)
 
 

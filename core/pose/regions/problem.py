@@ -97,7 +97,7 @@ def make_problem(
 
 
 def open_edges(camera: Camera) -> BoolArray:
-    """Which edges of the frame (left, top, right, bottom) cut the view off: a panorama's seam and poles do not."""
+    """Which edges of the frame (left, top, right, bottom) cut the view off: seams and poles do not."""
     u, v = np.linspace(0, camera.width - 1.0, 9), np.linspace(0, camera.height - 1.0, 9)
     left, right = np.full(9, -0.5), np.full(9, camera.width - 0.5)
     top, bottom = np.full(9, -0.5), np.full(9, camera.height - 0.5)
