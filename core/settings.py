@@ -180,7 +180,7 @@ class PointSettings:
 class JointSettings:
     """All camera poses together, tied by features that lie on the scan."""
 
-    photo_size: int = 3200
+    photo_size: int = 2400
     """Longer side (pixels) at which features are looked for; larger photos are reduced to it."""
 
     features: int = 6000
@@ -195,16 +195,16 @@ class JointSettings:
     max_parallax: float = 50.0
     """Largest angle (degrees) between the lines of sight of two photos that are matched."""
 
-    rotation_sigma: float = 0.5
+    rotation_sigma: float = 0.3
     """Standard deviation (degrees, per axis) of a starting pose that comes without covariance."""
 
-    centre_sigma: float = 0.05
+    centre_sigma: float = 0.03
     """Standard deviation (m, per axis) of a starting camera centre that comes without covariance."""
 
     scan_sigma: float = 0.005
     """Standard deviation (m) of the scan's surface to start with; the ties then tell the true one."""
 
-    patch: float = 0.25
+    patch: float = 2.0
     """Size (m) of a patch of scan whose errors are alike: more ties on it do not average them out."""
 
     min_ties: int = 20
@@ -238,8 +238,11 @@ class AtlasSettings:
 class EdgeSettings:
     """One camera pose by the edges of the scan."""
 
-    photo_size: int = 1200
-    """Longer side (pixels) of the finest of three image levels, each half as large as the next."""
+    photo_size: int = 1600
+    """Longer side (pixels) of the finest of three image levels, each half as large as the next.
+
+    It is smaller where a pixel would be finer than the scan's triangles: a scan holds no finer edges.
+    """
 
     search: float = 8.0
     """Distance (pixels of a level) along its normal in which an edge of the scan looks for the photo's."""
@@ -256,10 +259,10 @@ class EdgeSettings:
     min_edges: int = 80
     """Edge points that a photo needs to be moved at all."""
 
-    rotation_sigma: float = 0.3
+    rotation_sigma: float = 0.2
     """Standard deviation (degrees, per axis) of a starting pose that comes without covariance."""
 
-    centre_sigma: float = 0.025
+    centre_sigma: float = 0.015
     """Standard deviation (m, per axis) of a starting camera centre that comes without covariance."""
 
     min_score: float = 1.1

@@ -1,1 +1,5 @@
 """Refinement of one pose by edges of the scan: silhouettes, depth steps, creases, colour."""
+
+from .refine import EdgePose, refine_pose_by_edges, refine_pose_by_edges_job
+
+__all__ = ["EdgePose", "refine_pose_by_edges", "refine_pose_by_edges_job"]

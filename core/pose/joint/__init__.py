@@ -1,1 +1,5 @@
 """Refinement of all poses together: features matched between photos, met on the scan."""
+
+from .refine import JointPose, refine_poses_jointly, refine_poses_jointly_job
+
+__all__ = ["JointPose", "refine_poses_jointly", "refine_poses_jointly_job"]

@@ -34,19 +34,25 @@ class Sightings:
     def residuals(self, rotation: FloatArray, centre: FloatArray) -> FloatArray:
         """Reprojection errors (N,2) in pixels for a pose (3,3), (3,)."""
         in_camera = camera_points(rotation, centre, self.points)
-        direction = in_camera / np.linalg.norm(in_camera, axis=1, keepdims=True)
-        out: FloatArray = np.einsum("nij,nj->ni", self.to_pixels, direction - self.rays)
-        return out
+        return reprojection(self.rays, self.to_pixels, in_camera)[0]
 
     def linearise(self, rotation: FloatArray, centre: FloatArray) -> Linearisation:
         """Reprojection errors (N,2) and their derivative (N,2,6) by the pose step."""
         in_camera = camera_points(rotation, centre, self.points)
-        distance = np.linalg.norm(in_camera, axis=1)
-        direction = in_camera / distance[:, None]
-        residuals = np.einsum("nij,nj->ni", self.to_pixels, direction - self.rays)
-        along = np.einsum("nij,nj->ni", self.to_pixels, direction)
-        by_point = (self.to_pixels - along[:, :, None] * direction[:, None, :]) / distance[:, None, None]
+        residuals, by_point = reprojection(self.rays, self.to_pixels, in_camera)
         return residuals, by_point @ camera_point_jacobian(rotation, in_camera)
+
+
+def reprojection(
+    rays: FloatArray, to_pixels: FloatArray, in_camera: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Reprojection errors (N,2) px of camera points (N,3) seen along rays; derivative (N,2,3) by them."""
+    distance = np.linalg.norm(in_camera, axis=1)
+    direction = in_camera / distance[:, None]
+    residuals: FloatArray = np.einsum("nij,nj->ni", to_pixels, direction - rays)
+    along = np.einsum("nij,nj->ni", to_pixels, direction)
+    by_point: FloatArray = (to_pixels - along[:, :, None] * direction[:, None, :]) / distance[:, None, None]
+    return residuals, by_point
 
 
 def sightings_from_pixels(camera: Camera, pixels: FloatArray, points: FloatArray) -> Sightings:

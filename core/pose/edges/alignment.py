@@ -1,0 +1,205 @@
+"""Move a pose until the scan's edges fall on the photo's: matching along normals, solved robustly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...arrays import FloatArray, IndexArray
+from ...cameras.base import Camera
+from ...geometry.rigid import log_so3
+from ..points.perturbation import camera_point_jacobian, camera_points, invert_scaled, solve_scaled, step_pose
+from .photo_edges import EdgeField
+from .scan_edges import ScanEdges
+
+SAMPLES_PER_PIXEL = 2
+"""Samples of the photo's edges per pixel along a normal."""
+
+CELLS = 8
+"""The photo is cut into so many cells a side; errors within one are alike."""
+
+
+@dataclass(frozen=True, eq=False)
+class PosePrior:
+    """A pose known beforehand: rotation (3,3), centre (3,) m, covariance (6,6) as in `Pose`."""
+
+    rotation: FloatArray
+    centre: FloatArray
+    covariance: FloatArray
+
+    def pull(self, rotation: FloatArray, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Information (6,6) and gradient (6,) at another pose; a far one is pulled less (Cauchy)."""
+        information = invert_scaled(self.covariance)
+        step = np.concatenate([log_so3(rotation @ self.rotation.T), centre - self.centre])
+        weight = 1.0 / (1.0 + float(step @ information @ step) / 6.0 / 4.0)
+        return weight * information, weight * information @ step
+
+
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """Photo edges found along the normals of scan edges: signed `distance` (N,) px and `weight` (N,)."""
+
+    distance: FloatArray
+    weight: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """A pose that fits edges; `matched`: edge points that count, `cells`: photo cells that hold some."""
+
+    rotation: FloatArray
+    centre: FloatArray
+    covariance: FloatArray
+    matched: float
+    cells: int
+
+
+def match_edges(
+    field: EdgeField, pixels: FloatArray, normals: FloatArray, width: float, search: float
+) -> Matches:
+    """Mean position of the photo's edges of the right direction, within about `width` px along each normal.
+
+    Every sample along the normal takes part by its strength, direction and distance, so that two edges side
+    by side share the match while the pose is rough and the nearer one wins as `width` shrinks.
+    Source: ICP with soft assignment, Granger and Pennec 2002 (EM-ICP).
+    """
+    reach = (
+        np.arange(-int(search * SAMPLES_PER_PIXEL), int(search * SAMPLES_PER_PIXEL) + 1) / SAMPLES_PER_PIXEL
+    )
+    samples = pixels[:, None, :] + reach[:, None] * normals[:, None, :]
+    strength = np.maximum(field.along(samples, normals), 0.0)
+    # what is everywhere along the normal (texture) tells nothing
+    strength = np.maximum(strength - strength.mean(axis=1, keepdims=True), 0.0)
+    near = strength * np.exp(-0.5 * (reach / width) ** 2)
+    weight = near.sum(axis=1)
+    distance = (near @ reach) / np.maximum(weight, 1e-9)
+    return Matches(distance, weight / SAMPLES_PER_PIXEL)
+
+
+def align_edges(
+    camera: Camera,
+    field: EdgeField,
+    edges: ScanEdges,
+    rotation: FloatArray,
+    centre: FloatArray,
+    prior: PosePrior,
+    widths: tuple[float, ...],
+    search: float,
+) -> Alignment:
+    """Gauss-Newton steps with ever narrower matching. Source: method.md 2.6, eq. 3.31."""
+    for width in widths:
+        inflation = _disagreement(camera, field, edges, rotation, centre, width, search)
+        for _ in range(6):
+            system = _linearise(camera, field, edges, rotation, centre, width, search)
+            step = _fused_step(system, inflation, prior, rotation, centre)
+            rotation, centre = step_pose(rotation, centre, step)
+            if float(np.abs(system.jacobian @ step).mean()) < 0.02:
+                break
+    system = _linearise(camera, field, edges, rotation, centre, widths[-1], search)
+    inflation = _disagreement(camera, field, edges, rotation, centre, widths[-1], search)
+    information, _ = prior.pull(rotation, centre)
+    covariance = invert_scaled(system.hessian / inflation + information)
+    return Alignment(rotation, centre, covariance, system.matched, system.cells)
+
+
+def _disagreement(
+    camera: Camera,
+    field: EdgeField,
+    edges: ScanEdges,
+    rotation: FloatArray,
+    centre: FloatArray,
+    width: float,
+    search: float,
+) -> float:
+    """Factor between the inverse normal matrix at `width` and the covariance, from the cells' disagreement.
+
+    Judged with wide matching: a narrow one finds some edge near every place and hides what a whole cell is
+    off. Edges of one cell err together (a worn cornice, a shadow), so the cells' pulls are the independent
+    ones.
+    Source: cluster-robust ("sandwich") variance, Liang and Zeger 1986, reduced to its mean over the unknowns.
+    """
+    wide = _linearise(camera, field, edges, rotation, centre, max(width, search / 2), search)
+    narrow = _linearise(camera, field, edges, rotation, centre, width, search)
+    ratio = np.trace(invert_scaled(wide.hessian) @ narrow.hessian) / 6.0
+    pulls = np.zeros((CELLS * CELLS, 6))
+    np.add.at(pulls, wide.cell, wide.pulls)
+    used = np.unique(wide.cell)
+    spread = pulls[used].T @ pulls[used] * len(used) / max(len(used) - 6, 1)
+    return max(float(ratio * np.trace(invert_scaled(wide.hessian) @ spread)) / 6.0, 1e-9)
+
+
+@dataclass(frozen=True, eq=False)
+class _System:
+    """Normal equations of the matches, with what each of them adds to the gradient and its cell."""
+
+    jacobian: FloatArray
+    hessian: FloatArray
+    pulls: FloatArray
+    cell: IndexArray
+    matched: float
+
+    @property
+    def cells(self) -> int:
+        """Cells of the photo that hold the pose."""
+        return int((np.bincount(self.cell, minlength=1) >= 5).sum())
+
+
+def _linearise(
+    camera: Camera,
+    field: EdgeField,
+    edges: ScanEdges,
+    rotation: FloatArray,
+    centre: FloatArray,
+    width: float,
+    search: float,
+) -> _System:
+    in_camera = camera_points(rotation, centre, edges.points)
+    pixels, by_point = camera.project_with_jacobian(in_camera)
+    usable = np.isfinite(pixels).all(axis=1) & camera.in_frame(pixels, margin=2.0)
+    pixels, normals = pixels[usable], edges.normals[usable]
+    by_pose = by_point[usable] @ camera_point_jacobian(rotation, in_camera[usable])
+    jacobian = np.einsum("ni,nik->nk", normals, by_pose)
+    matches = match_edges(field, pixels, normals, width, search)
+    weight = matches.weight * edges.strength[usable]
+    hessian = (jacobian * weight[:, None]).T @ jacobian
+    pulls = (weight * -matches.distance)[:, None] * jacobian
+    matched = float((matches.weight > 0.25).sum())
+    return _System(jacobian, hessian, pulls, _cells(camera, pixels), matched)
+
+
+def _cells(camera: Camera, pixels: FloatArray) -> IndexArray:
+    size = np.array([camera.width, camera.height]) / CELLS
+    column, row = np.clip((pixels // size).astype(np.int64), 0, CELLS - 1).T
+    out: IndexArray = row * CELLS + column
+    return out
+
+
+def _fused_step(
+    system: _System, inflation: float, prior: PosePrior, rotation: FloatArray, centre: FloatArray
+) -> FloatArray:
+    information, pull = prior.pull(rotation, centre)
+    hessian = system.hessian / inflation + information
+    return -solve_scaled(hessian, system.pulls.sum(axis=0) / inflation + pull, damping=1e-9)
+
+
+def edge_agreement(
+    camera: Camera,
+    field: EdgeField,
+    edges: ScanEdges,
+    rotation: FloatArray,
+    centre: FloatArray,
+    search: float,
+) -> float:
+    """How much stronger the photo's edges are where the scan's fall than beside them; 1: no relation."""
+    pixels = camera.project(camera_points(rotation, centre, edges.points))
+    usable = np.isfinite(pixels).all(axis=1) & camera.in_frame(pixels, margin=2.0)
+    if not usable.any():
+        return 0.0
+    normals = edges.normals[usable]
+    reach = np.linspace(-search, search, 8 * int(search) + 1)
+    samples = pixels[usable][:, None, :] + reach[:, None] * normals[:, None, :]
+    strength = np.maximum(field.along(samples, normals), 0.0) * edges.strength[usable][:, None]
+    centred = np.exp(-0.5 * reach**2)
+    here = float((strength @ centred).sum()) / float(centred.sum())
+    return here / max(float(strength.mean(axis=1).sum()), 1e-9)

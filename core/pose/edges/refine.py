@@ -1,0 +1,210 @@
+"""Refine the pose of one photo by the edges of the scan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...arrays import ArrayLike, FloatArray
+from ...cameras.base import Camera
+from ...cameras.resolution import angular_resolution
+from ...jobs import Job, Progress, drain
+from ...photos.view import View
+from ...settings import EdgeSettings
+from ..points.pictures import read_view, read_view_mask
+from ..pose import Pose
+from .alignment import Alignment, PosePrior, align_edges, edge_agreement
+from .photo_edges import EdgeField, photo_edge_field
+from .rendering import Scan
+from .scan_edges import ScanEdges, find_scan_edges
+
+COARSEST = 480.0
+"""Longer side (pixels) below which the finest level is not reduced, however coarse the scan is."""
+
+
+@dataclass(frozen=True, eq=False)
+class EdgePose(Pose):
+    """A pose refined by edges.
+
+    `score_before`, `score_after`: how much stronger the photo's edges are where the scan's fall than beside
+    them, 1 where they have nothing to do with each other, measured on edges that took no part in the fit.
+    `edges`: edge points that hold the pose. `note`: why the pose was kept, empty when it was refined.
+    """
+
+    score_before: float
+    score_after: float
+    edges: int
+    note: str
+
+    @property
+    def refined(self) -> bool:
+        """Whether the pose was moved."""
+        return not self.note
+
+
+def refine_pose_by_edges(
+    view: View,
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    vertex_colors: ArrayLike | None = None,
+    settings: EdgeSettings | None = None,
+) -> EdgePose:
+    """Pose of a photo, moved until the edges of the scan fall on those of the photo.
+
+    vertices (V,3) m, world; faces (F,3); vertex_colors (V,3) or intensities (V,), bytes or 0 to 1: their
+    edges are used as well. The pose is kept, and `note` says why, where edges are few, crowded or agree no
+    better than before. Raises `PhotoError` for a photo that cannot be read. Source: method.md 2.6.
+    """
+    return drain(refine_pose_by_edges_job(view, vertices, faces, vertex_colors, settings))
+
+
+def refine_pose_by_edges_job(
+    view: View,
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    vertex_colors: ArrayLike | None = None,
+    settings: EdgeSettings | None = None,
+) -> Job[EdgePose]:
+    """Job of `refine_pose_by_edges`."""
+    settings = settings or EdgeSettings()
+    yield Progress(0.0, "Preparing the scan")
+    points = np.asarray(vertices, dtype=np.float64)
+    # relative to the scan's middle: world coordinates may be millions of metres
+    origin = points.mean(axis=0) if len(points) else np.zeros(3)
+    scan = Scan.of_mesh(points - origin, faces, vertex_colors)
+    prior = _prior(view, origin, settings)
+    rotation, centre = prior.rotation, prior.centre
+    rng = np.random.default_rng(settings.seed)
+    rounds = _rounds(_finest_scale(view, prior, scan, settings), settings)
+    alignment, level = None, None
+    for number, (scale, widths) in enumerate(rounds):
+        yield Progress(0.1 + 0.8 * number / len(rounds), f"Aligning edges at {scale:.0%} of the photo")
+        level = _level(view, scale, level)
+        edges = find_scan_edges(level.camera, rotation, centre, scan, settings)
+        fit, _ = _divided(edges, settings, rng)
+        alignment = align_edges(
+            level.camera, level.field, fit, rotation, centre, prior, widths, settings.search
+        )
+        rotation, centre = alignment.rotation, alignment.centre
+    yield Progress(0.9, "Comparing with the pose before")
+    assert level is not None and alignment is not None
+    return _decide(view, origin, level, scan, prior, alignment, settings)
+
+
+@dataclass(frozen=True, eq=False)
+class _Level:
+    scale: float
+    camera: Camera
+    field: EdgeField
+
+
+def _level(view: View, scale: float, last: _Level | None) -> _Level:
+    if last is not None and last.scale == scale:
+        return last
+    field = photo_edge_field(read_view(view, scale), read_view_mask(view, scale))
+    return _Level(scale, view.camera.scaled(scale), field)
+
+
+def _finest_scale(view: View, prior: PosePrior, scan: Scan, settings: EdgeSettings) -> float:
+    """Largest image scale that makes sense: pixels not finer than the scan's triangles."""
+    camera = view.camera
+    largest = max(camera.width, camera.height)
+    scale = min(1.0, settings.photo_size / largest)
+    grid = np.stack(
+        np.meshgrid(np.linspace(0, camera.width - 1, 48), np.linspace(0, camera.height - 1, 48)), -1
+    )
+    pixels = grid.reshape(-1, 2)
+    hits = scan.caster.first_hit(prior.centre, camera.unproject(pixels) @ prior.rotation)
+    struck = hits.face >= 0
+    if not struck.any():
+        return scale
+    corners = scan.vertices[scan.faces[hits.face[struck]]]
+    side = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
+    pixel = angular_resolution(camera, pixels[struck])
+    triangle_pixels = np.nanmedian(side / hits.distance[struck] / pixel)
+    return float(np.clip(1.0 / triangle_pixels, min(COARSEST / largest, scale), scale))
+
+
+def _rounds(finest: float, settings: EdgeSettings) -> list[tuple[float, tuple[float, ...]]]:
+    """Image scale and matching widths (px) of each round; the scan is rendered anew in each."""
+    wide, narrow = (settings.search / 2, 2.0), (2.0, 1.0)
+    return [
+        (finest / 4, wide),
+        (finest / 4, narrow),
+        (finest / 2, narrow),
+        (finest / 2, narrow),
+        (finest, narrow),
+        (finest, (1.0,)),
+    ]
+
+
+def _prior(view: View, origin: FloatArray, settings: EdgeSettings) -> PosePrior:
+    covariance = view.covariance
+    if covariance is None:
+        sigma = np.repeat([np.radians(settings.rotation_sigma), settings.centre_sigma], 3)
+        covariance = np.diag(sigma**2)
+    return PosePrior(view.rotation, view.centre - origin, covariance)
+
+
+def _divided(
+    edges: ScanEdges, settings: EdgeSettings, rng: np.random.Generator
+) -> tuple[ScanEdges, ScanEdges]:
+    """Edges for the fit and those held back for the score: one tile of 32 pixels in four."""
+    tile = (edges.pixels // 32).astype(np.int64)
+    held = (tile[:, 0] + 2 * tile[:, 1]) % 4 == 0
+    fit = edges.select(~held)
+    if len(fit) > settings.max_edges:
+        fit = fit.select(np.sort(rng.choice(len(fit), settings.max_edges, replace=False)))
+    return fit, edges.select(held)
+
+
+def _decide(
+    view: View,
+    origin: FloatArray,
+    level: _Level,
+    scan: Scan,
+    prior: PosePrior,
+    alignment: Alignment,
+    settings: EdgeSettings,
+) -> EdgePose:
+    """The refined pose, or the old one where the evidence is thin."""
+    scores = []
+    for rotation, centre in ((prior.rotation, prior.centre), (alignment.rotation, alignment.centre)):
+        edges = find_scan_edges(level.camera, rotation, centre, scan, settings)
+        held = _divided(edges, settings, np.random.default_rng(settings.seed))[1]
+        scores.append(edge_agreement(level.camera, level.field, held, rotation, centre, settings.search))
+    before, after = scores
+    note = _reason_to_keep(alignment, before, after, settings)
+    if note:
+        return EdgePose(view.rotation, view.translation, prior.covariance, before, before, 0, note)
+    centre = alignment.centre + origin
+    return EdgePose(
+        alignment.rotation,
+        -alignment.rotation @ centre,
+        alignment.covariance,
+        before,
+        after,
+        int(alignment.matched),
+        "",
+    )
+
+
+def _reason_to_keep(alignment: Alignment, before: float, after: float, settings: EdgeSettings) -> str:
+    if alignment.matched < settings.min_edges:
+        return (
+            f"Only {int(alignment.matched)} edges of the scan have a partner in the photo: the pose was kept."
+            " Refine it by points or together with other photos."
+        )
+    if alignment.cells < 6:
+        return (
+            "The edges of the scan lie in one corner of the photo and cannot hold the pose: it was kept. "
+            "Refine it by points or together with other photos."
+        )
+    if after < settings.min_score:
+        return (
+            "The photo's edges do not follow those of the scan: the pose was kept. Check it by its regions."
+        )
+    if after <= before:
+        return f"The edges agree no better than before ({before:.2f} to {after:.2f}): the pose was kept."
+    return ""

@@ -1,0 +1,111 @@
+"""The scan as the camera sees it from a pose: distance, normals, colours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...arrays import AnyArray, ArrayLike, BoolArray, FloatArray, IndexArray
+from ...cameras.base import Camera
+from ...geometry.meshes import vertex_normals
+from ...geometry.rays import RayCaster
+from ..points.smoothing import averaged_normals
+
+ROWS = 64
+"""Image rows that are cast at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """A mesh made ready for rendering: vertices (V,3) m, faces (F,3), colours (V,C) of 0 to 255 or None.
+
+    Unit normals (V,3), averaged over neighbours: the noise of single faces makes no crease.
+    """
+
+    vertices: FloatArray
+    faces: IndexArray
+    normals: FloatArray
+    colors: FloatArray | None
+    caster: RayCaster
+
+    @classmethod
+    def of_mesh(cls, vertices: FloatArray, faces: ArrayLike, colors: ArrayLike | None = None) -> Scan:
+        """Prepare vertices (V,3) m, faces (F,3) and colours (V,), (V,3) or (V,4), bytes or 0 to 1."""
+        triangles = np.asarray(faces, dtype=np.int64)
+        normals = averaged_normals(vertex_normals(vertices, triangles), triangles, rounds=3)
+        values = None if colors is None else _color_values(np.asarray(colors), len(vertices))
+        return cls(vertices, triangles, normals, values, RayCaster(vertices, triangles))
+
+
+def _color_values(colors: AnyArray, count: int) -> FloatArray:
+    values: FloatArray = colors.reshape(count, -1)[:, :3].astype(np.float64)
+    return values if np.issubdtype(colors.dtype, np.integer) else values * 255.0
+
+
+@dataclass(frozen=True, eq=False)
+class Rendering:
+    """What a camera sees: `hit` (H,W), `distance` (H,W) m from the camera centre, 0 where nothing is hit.
+
+    `normals` (H,W,3) unit, camera frame, towards the camera; `colors` (H,W,C) or None; zero without a hit.
+    """
+
+    hit: BoolArray
+    distance: FloatArray
+    normals: FloatArray
+    colors: FloatArray | None
+
+
+def render_scan(camera: Camera, rotation: FloatArray, centre: FloatArray, scan: Scan) -> Rendering:
+    """Cast one ray per pixel of `camera`, whatever its model, from a pose (3,3), (3,) m."""
+    parts = []
+    columns = np.arange(camera.width, dtype=np.float64)
+    for top in range(0, camera.height, ROWS):
+        rows = np.arange(top, min(top + ROWS, camera.height), dtype=np.float64)
+        pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+        parts.append(_cast(camera.unproject(pixels), rotation, centre, scan))
+    shape = camera.height, camera.width
+    hit, distance, normals, colors = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return Rendering(
+        hit.astype(bool).reshape(shape),
+        distance.reshape(shape),
+        normals.reshape(*shape, 3),
+        None if scan.colors is None else colors.reshape(*shape, -1),
+    )
+
+
+def _cast(
+    rays: FloatArray, rotation: FloatArray, centre: FloatArray, scan: Scan
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Hit, distance, camera-frame normal and colour of rays (N,3)."""
+    directions = rays @ rotation
+    hits = scan.caster.first_hit(centre, directions)
+    struck = np.flatnonzero(hits.face >= 0)
+    distance = np.zeros(len(rays))
+    distance[struck] = hits.distance[struck]
+    normals = np.zeros((len(rays), 3))
+    colors = np.zeros((len(rays), 0 if scan.colors is None else scan.colors.shape[1]))
+    if len(struck):
+        corners = scan.faces[hits.face[struck]]
+        points = centre + distance[struck, None] * directions[struck]
+        share = barycentric(points, scan.vertices[corners])
+        blended = np.einsum("nc,nck->nk", share, scan.normals[corners])
+        blended /= np.maximum(np.linalg.norm(blended, axis=1, keepdims=True), 1e-12)
+        away = np.einsum("nk,nk->n", blended, directions[struck]) > 0
+        blended[away] *= -1
+        normals[struck] = blended @ rotation.T
+        if scan.colors is not None:
+            colors[struck] = np.einsum("nc,nck->nk", share, scan.colors[corners])
+    return (hits.face >= 0).astype(np.float64), distance, normals, colors
+
+
+def barycentric(points: FloatArray, triangles: FloatArray) -> FloatArray:
+    """Barycentric coordinates (N,3) of points (N,3) in triangles (N,3,3)."""
+    a, b = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    p = points - triangles[:, 0]
+    aa, ab, bb = (a * a).sum(1), (a * b).sum(1), (b * b).sum(1)
+    pa, pb = (p * a).sum(1), (p * b).sum(1)
+    inverse = 1.0 / np.maximum(aa * bb - ab * ab, 1e-30)
+    v, w = (bb * pa - ab * pb) * inverse, (aa * pb - ab * pa) * inverse
+    shares: FloatArray = np.clip(np.stack([1 - v - w, v, w], axis=1), 0.0, 1.0)
+    return shares

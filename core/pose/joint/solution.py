@@ -1,0 +1,109 @@
+"""Solve the network of photos and tracks: scan ties, noise and outliers found along the way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...arrays import BoolArray, FloatArray, IndexArray
+from ...jobs import Job, Progress
+from ...settings import JointSettings
+from .adjustment import (
+    Network,
+    Noise,
+    Prior,
+    Problem,
+    ScanTies,
+    adjust,
+    estimate_noise,
+    without_outliers,
+)
+from .features import Features, Hits, Surface
+from .tracks import Tracks, build_tracks
+
+ROUNDS = 4
+"""Times the scan is met anew and outliers are dropped."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The adjusted network and the problem it solves, without the outliers."""
+
+    problem: Problem
+    network: Network
+
+    @property
+    def ties(self) -> IndexArray:
+        """Tracks that hold each photo: (N,)."""
+        count = len(self.network.centres)
+        return np.bincount(self.problem.tracks.view, minlength=count).astype(np.int64)
+
+
+def solve_network_job(
+    start: Network,
+    prior: Prior,
+    features: Sequence[Features],
+    hits: Sequence[Hits],
+    matches: Mapping[tuple[int, int], IndexArray],
+    surface: Surface,
+    settings: JointSettings,
+) -> Job[Solution]:
+    """Adjust all poses to the matches {(i, j): (M,2)} between the photos' features."""
+    tracks = _held_tracks(build_tracks(features, matches), hits, len(features), settings)
+    points = tracks.first_points(hits)
+    network = Network(start.rotations, start.centres, points)
+    noise = Noise(pixel=1.0, scan=settings.scan_sigma)
+    problem = Problem(tracks, meet_tracks(network, tracks, surface, settings), prior, noise)
+    for number in range(ROUNDS if tracks.count else 0):
+        yield Progress(number / ROUNDS, f"Adjusting {tracks.count} points seen by {len(features)} photos")
+        ties = meet_tracks(network, problem.tracks, surface, settings)
+        problem = replace(problem, ties=ties)
+        network = adjust(problem, network)
+        limit = 8.0 if number == 0 else 4.0
+        problem, network = without_outliers(problem, network, limit)
+        if problem.tracks.count:
+            problem = replace(problem, noise=estimate_noise(problem, network))
+    return Solution(problem, network)
+
+
+def _held_tracks(tracks: Tracks, hits: Sequence[Hits], count: int, settings: JointSettings) -> Tracks:
+    """Tracks that meet the scan, of photos that have enough of them."""
+    for _ in range(count):
+        on_scan = np.isfinite(tracks.first_points(hits)[:, 0])
+        enough = np.bincount(tracks.view, minlength=count) >= settings.min_ties
+        kept = on_scan[tracks.track] & enough[tracks.view]
+        if kept.all():
+            break
+        tracks = tracks.select(kept)
+    return tracks
+
+
+def meet_tracks(network: Network, tracks: Tracks, surface: Surface, settings: JointSettings) -> ScanTies:
+    """Where the scan lies next to each track: the nearest of the places that its lines of sight meet."""
+    points = network.points[tracks.track]
+    origin = network.centres[tracks.view]
+    hits = surface.caster.first_hit(origin, points - origin)
+    length = np.linalg.norm(points - origin, axis=1)
+    gap = np.abs(hits.distance - length)
+    order = np.lexsort((gap, tracks.track))
+    first = np.flatnonzero(np.r_[True, tracks.track[order][1:] != tracks.track[order][:-1]])
+    nearest = order[first] if len(order) else order
+    feet = origin[nearest] + (points - origin)[nearest] * (hits.distance / length)[nearest][:, None]
+    # farther than this the point lies on something that is not in the scan
+    tied = gap[nearest] < max(20 * settings.scan_sigma, 0.02)
+    tied &= hits.face[nearest] >= 0
+    normals = surface.normals[np.maximum(hits.face[nearest], 0)]
+    share = _shares(network.points, tied, settings.patch)
+    return ScanTies(np.where(tied[:, None], feet, np.nan), np.where(tied[:, None], normals, np.nan), share)
+
+
+def _shares(points: FloatArray, tied: BoolArray, patch: float) -> FloatArray:
+    """One over the number of ties on the same patch of the scan: (T,), zero without a tie."""
+    share = np.zeros(len(points))
+    if tied.any():
+        cell = np.floor(points[tied] / patch).astype(np.int64)
+        _, inverse, counts = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
+        share[tied] = 1.0 / counts[inverse.ravel()]
+    return share
