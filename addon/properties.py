@@ -100,10 +100,10 @@ class FrescoPhoto(bpy.types.PropertyGroup):
         return bpy.path.abspath(self.image.filepath) if self.image is not None else ""
 
     @property
-    def lens_text(self) -> str:
-        """Size and focal length in words: 6000 × 4000 px, 24 mm (35 mm equivalent)."""
+    def size(self) -> tuple[int, int]:
+        """Width and height of the calibrated photo in pixels."""
         camera = json.loads(self.camera_json)
-        return f"{camera['width']} × {camera['height']} px, {self.camera.data.lens:.1f} mm (full frame)"
+        return camera["width"], camera["height"]
 
     @property
     def is_posed(self) -> bool:

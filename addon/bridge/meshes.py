@@ -63,6 +63,14 @@ def read_faces(mesh: bpy.types.Mesh) -> IntArray:
     return corners.reshape(-1, 3)
 
 
+def read_triangles(mesh: bpy.types.Mesh) -> IntArray:
+    """Vertex indices (F,3) of a mesh cut into triangles, which may have faces of any kind."""
+    mesh.calc_loop_triangles()
+    corners = np.empty(3 * len(mesh.loop_triangles), dtype=np.int32)
+    mesh.loop_triangles.foreach_get("vertices", corners)
+    return corners.reshape(-1, 3)
+
+
 def read_positions(mesh: bpy.types.Mesh) -> AnyArray:
     """Vertex coordinates (V,3) float32 in the object's own frame, metres."""
     positions = np.empty(3 * len(mesh.vertices), dtype=np.float32)

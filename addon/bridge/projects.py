@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import bpy
@@ -29,6 +29,7 @@ class OpenedProject:
     scan: Scan
     region_faces: Mapping[str, IntArray]
     previews: Previews
+    occluders: Sequence[Scan] = ()
 
 
 def previews_job(project: Project, size: int) -> Job[Previews]:
@@ -46,9 +47,9 @@ def clear_scene(scene: bpy.types.Scene) -> None:
     fresco = scene.fresco
     for photo in fresco.photos:
         photos.remove_camera(photo)
-    if fresco.scan is not None:
-        mesh = fresco.scan.data
-        bpy.data.objects.remove(fresco.scan)
+    for obj in [*scans.occluder_objects(scene), *([fresco.scan] if fresco.scan else [])]:
+        mesh = obj.data
+        bpy.data.objects.remove(obj)
         if mesh.users == 0:
             bpy.data.meshes.remove(mesh)
     fresco.photos.clear()
@@ -61,6 +62,7 @@ def show_project(context: bpy.types.Context, opened: OpenedProject) -> None:
     project, fresco = opened.project, context.scene.fresco
     clear_scene(context.scene)
     scans.show_scan(context, opened.scan, opened.region_faces)
+    scans.show_occluders(context, opened.occluders)
     for entry in project.photos:
         item = show_photo(context, entry.photo, opened.previews[entry.photo.name])
         item.use_texture = entry.use == "texture"
@@ -93,7 +95,7 @@ def show_photo(context: bpy.types.Context, photo: Photo, preview: ByteArray | No
 
 def show_result(context: bpy.types.Context, result: ProjectResult, previews: Previews) -> None:
     """Show what a run has found: the project, its poses, its texture."""
-    opened = OpenedProject(result.project, result.scan, result.region_faces, previews)
+    opened = OpenedProject(result.project, result.scan, result.region_faces, previews, result.occluders)
     show_project(context, opened)
     items = context.scene.fresco.photos
     for solved in result.poses:

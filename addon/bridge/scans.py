@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import bpy
@@ -12,9 +12,10 @@ from ...core.arrays import IntArray
 from ...core.errors import ScanError
 from ...core.scans import Scan
 from . import meshes, regions
-from .world import collection, read_offset, write_offset
+from .world import collection, find_collection, read_offset, write_offset
 
 COLLECTION = "Scan"
+OCCLUDERS = "Occluders"
 
 
 def show_scan(
@@ -38,10 +39,41 @@ def show_scan(
     return obj
 
 
+def show_occluders(context: bpy.types.Context, occluders: Sequence[Scan]) -> None:
+    """Put meshes that only hide the scan into their collection; they have the offset of the scan."""
+    for occluder in occluders:
+        mesh = meshes.build_mesh(occluder.name, occluder.vertices, occluder.faces)
+        obj = bpy.data.objects.new(occluder.name, mesh)
+        obj.display_type = "WIRE"
+        collection(context.scene, OCCLUDERS).objects.link(obj)
+
+
+def occluder_objects(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """Return the mesh objects in the collection of occluders."""
+    found = find_collection(scene, OCCLUDERS)
+    objects = found.objects if found is not None else ()
+    return [obj for obj in objects if obj.type == "MESH" and obj != scene.fresco.scan]
+
+
+def read_occluders(scene: bpy.types.Scene) -> list[Scan]:
+    """Return what only hides the scan, as core takes it."""
+    return [_as_scan(scene, obj, meshes.read_triangles(obj.data)) for obj in occluder_objects(scene)]
+
+
 def read_scan(scene: bpy.types.Scene) -> Scan:
     """Return core's scan from the scene's scan object, in the place and size that it has in the scene."""
+    path = Path(scene.fresco.scan_path) if scene.fresco.scan_path else None
     obj = scene.fresco.scan
-    faces = meshes.read_faces(obj.data)
+    return _as_scan(scene, obj, meshes.read_faces(obj.data), read_face_sets(scene), path)
+
+
+def _as_scan(
+    scene: bpy.types.Scene,
+    obj: bpy.types.Object,
+    faces: IntArray,
+    face_sets: Mapping[str, IntArray] | None = None,
+    path: Path | None = None,
+) -> Scan:
     return Scan(
         vertices=meshes.read_vertices(obj),
         faces=faces,
@@ -49,8 +81,8 @@ def read_scan(scene: bpy.types.Scene) -> Scan:
         file_faces=np.arange(len(faces), dtype=np.int32),
         file_face_count=len(faces),
         name=obj.name,
-        path=Path(scene.fresco.scan_path) if scene.fresco.scan_path else None,
-        face_sets=read_face_sets(scene),
+        path=path,
+        face_sets=face_sets or {},
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from ...core.arrays import FloatArray
 
 OFFSET_KEY = "fresco_offset"
+ROOT_COLLECTION = "Fresco"
 
 
 def read_offset(scene: bpy.types.Scene) -> FloatArray:
@@ -30,13 +31,22 @@ def matrix_to_array(matrix: object) -> FloatArray:
 
 def collection(scene: bpy.types.Scene, name: str) -> bpy.types.Collection:
     """Return a collection inside the scene's collection "Fresco"; both are made where they are missing."""
-    return _child(_child(scene.collection, "Fresco"), name)
+    parent = scene.collection
+    for wanted in (ROOT_COLLECTION, name):
+        child = _child(parent, wanted)
+        if child is None:
+            child = bpy.data.collections.new(wanted)
+            parent.children.link(child)
+        parent = child
+    return parent
 
 
-def _child(parent: bpy.types.Collection, name: str) -> bpy.types.Collection:
+def find_collection(scene: bpy.types.Scene, name: str) -> bpy.types.Collection | None:
+    """Return a collection inside the scene's collection "Fresco", or None; changes nothing."""
+    parent = _child(scene.collection, ROOT_COLLECTION)
+    return None if parent is None else _child(parent, name)
+
+
+def _child(parent: bpy.types.Collection, name: str) -> bpy.types.Collection | None:
     """Return the child collection of that name; Blender may have added a number to it."""
-    found = next((child for child in parent.children if child.name.split(".")[0] == name), None)
-    if found is None:
-        found = bpy.data.collections.new(name)
-        parent.children.link(found)
-    return found
+    return next((child for child in parent.children if child.name.split(".")[0] == name), None)

@@ -8,9 +8,8 @@ import bpy
 
 from ...core.jobs import Job, part
 from ...core.project import Project, load_project
-from ...core.project.run import check_inputs_job
+from ...core.project.run import check_inputs_job, read_scans_job
 from ...core.project.surfaces import check_partners, region_faces
-from ...core.scans import read_scan_job
 from ..bridge.projects import OpenedProject, previews_job, show_project
 from ..jobs import JobOperator
 from ..preferences import preview_size
@@ -19,11 +18,11 @@ from ..preferences import preview_size
 def open_project_job(project: Project, size: int) -> Job[OpenedProject]:
     """Read everything a project needs in the window; `size` is that of the photos' backgrounds."""
     yield from part(check_inputs_job(project), 0.0, 0.3)
-    scan = yield from part(read_scan_job(project.scan.path, project.scan.settings), 0.3, 0.6)
+    scan, occluders = yield from part(read_scans_job(project), 0.3, 0.6)
     faces = region_faces(project, scan)
     check_partners(project.path, project.photos, faces)
     previews = yield from part(previews_job(project, size), 0.6, 1.0)
-    return OpenedProject(project, scan, faces, previews)
+    return OpenedProject(project, scan, faces, previews, occluders)
 
 
 class FRESCO_OT_open_project(JobOperator):

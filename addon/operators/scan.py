@@ -11,8 +11,9 @@ from mathutils import Vector
 from ...core.jobs import Job
 from ...core.scans import READERS, read_scan_job
 from ...core.settings import ScanSettings
-from ..bridge.scans import show_scan
-from ..jobs import JobOperator
+from ..bridge.scans import OCCLUDERS, show_scan
+from ..bridge.world import collection
+from ..jobs import JobOperator, StepOperator
 from ..settings import draw_settings, to_core
 
 ENDINGS = tuple(sorted(READERS))
@@ -62,6 +63,34 @@ def show_only(context: bpy.types.Context, scan: bpy.types.Object) -> None:
         space.region_3d.view_distance = 1.2 * size
 
 
+class FRESCO_OT_add_occluders(StepOperator):
+    bl_idname = "fresco.add_occluders"
+    bl_label = "Add Occluders"
+    bl_description = (
+        "Selected meshes hide the scan from the cameras, but get no texture: furniture, scaffolds"
+    )
+    bl_options = {"UNDO"}
+    step = "scan"
+
+    @classmethod
+    def ready(cls, context: bpy.types.Context) -> bool:
+        cls.poll_message_set("Select meshes that stand before the scan")
+        return any(is_occluder(context, obj) for obj in context.selected_objects)
+
+    def run(self, context: bpy.types.Context) -> None:
+        target = collection(context.scene, OCCLUDERS)
+        chosen = [obj for obj in context.selected_objects if is_occluder(context, obj)]
+        for obj in chosen:
+            if obj.name not in target.objects:
+                target.objects.link(obj)
+        self.report({"INFO"}, f"{len(chosen)} objects hide the scan from now on")
+
+
+def is_occluder(context: bpy.types.Context, obj: bpy.types.Object) -> bool:
+    """Whether an object can hide the scan: another mesh."""
+    return obj.type == "MESH" and obj != context.scene.fresco.scan
+
+
 class FRESCO_FH_scan(bpy.types.FileHandler):
     bl_idname = "FRESCO_FH_scan"
     bl_label = "Fresco scan"
@@ -73,4 +102,4 @@ class FRESCO_FH_scan(bpy.types.FileHandler):
         return context.area is not None and context.area.type == "VIEW_3D"
 
 
-CLASSES = (FRESCO_OT_import_scan, FRESCO_FH_scan)
+CLASSES = (FRESCO_OT_import_scan, FRESCO_OT_add_occluders, FRESCO_FH_scan)

@@ -10,7 +10,7 @@ from ...core.jobs import Job
 from ...core.project import TexturedScan, texture_scan_job
 from ...core.settings import TextureSettings
 from ..bridge.photos import read_view
-from ..bridge.scans import read_scan
+from ..bridge.scans import read_occluders, read_scan
 from ..bridge.texture import show_texture
 from ..jobs import JobOperator, StepOperator
 from ..settings import to_core
@@ -40,7 +40,8 @@ class FRESCO_OT_texture_scan(JobOperator):
         self._photos = [photo.name for photo in photos]
         scan = read_scan(scene)
         views = [read_view(scene, photo) for photo in photos]
-        return texture_scan_job(scan, views, to_core(scene.fresco.texture, TextureSettings))
+        settings = to_core(scene.fresco.texture, TextureSettings)
+        return texture_scan_job(scan, views, settings, read_occluders(scene))
 
     def finish(self, context: bpy.types.Context, result: TexturedScan) -> None:
         fresco = context.scene.fresco

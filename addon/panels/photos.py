@@ -98,7 +98,10 @@ def draw_photo(layout: bpy.types.UILayout, context: bpy.types.Context, photo: Fr
         draw_text(layout, context, photo.camera_source, icon="ERROR")
         layout.operator("fresco.set_calibration", icon="CAMERA_DATA")
         return
-    draw_rows(layout, [("Camera", photo.camera_source), ("Lens", photo.lens_text)])
+    width, height = photo.size
+    lens = f"{photo.camera.data.lens:.1f} mm (35 mm equivalent)"
+    draw_rows(layout, [("Size", f"{width} × {height} px"), ("Lens", lens)])
+    draw_text(layout, context, photo.camera_source, icon="CAMERA_DATA")
     for background in photo.camera.data.background_images[:1]:
         layout.prop(background, "alpha", text="Photo opacity", slider=True)
         layout.prop(background, "display_depth", text="Photo depth", expand=True)

@@ -77,7 +77,10 @@ def draw_pose(layout: bpy.types.UILayout, context: bpy.types.Context, photo: Fre
     if photo.state in {"AMBIGUOUS", "FAILED", "UNSOLVED"} or is_moved(context.scene, photo):
         if photo.state in {"SOLVED", "GIVEN"}:
             draw_text(box, context, "Its camera was moved since.", icon="INFO")
-        box.operator("fresco.accept_pose", icon="PINNED")
+        found = photo.state in {"AMBIGUOUS", "SOLVED"}
+        box.operator(
+            "fresco.accept_pose", text="Accept Pose" if found else "Use Camera as Placed", icon="PINNED"
+        )
 
 
 class FRESCO_PT_pose_settings(SettingsPanel, bpy.types.Panel):

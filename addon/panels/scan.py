@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..bridge.scans import occluder_objects
 from ..bridge.world import read_offset
 from .base import StepPanel, draw_rows, draw_text
 
@@ -33,6 +34,9 @@ class FRESCO_PT_scan(StepPanel, bpy.types.Panel):
             draw_text(column, context, "Import a scan, or choose a mesh of this scene.", icon="INFO")
             return
         draw_numbers(layout, context, fresco.scan)
+        row = layout.row()
+        row.label(text=f"{len(occluder_objects(context.scene))} occluders", icon="MOD_BOOLEAN")
+        row.operator("fresco.add_occluders", text="Add Selected", icon="ADD")
         for line in fresco.scan_report.splitlines():
             draw_text(layout, context, line, icon="INFO")
 

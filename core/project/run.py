@@ -50,6 +50,7 @@ class ProjectResult:
     textured: TexturedScan
     provenance: dict[str, Any]
     seconds: dict[str, float]
+    occluders: tuple[Scan, ...] = ()
 
     @property
     def photos(self) -> list[Photo]:
@@ -72,7 +73,7 @@ def run_project_job(project: Project) -> Job[ProjectResult]:
     """
     clock: dict[str, float] = {}
     digests = yield from part(_timed(check_inputs_job(project), clock, "check"), 0.0, 0.05)
-    scan, occluders = yield from part(_timed(_read_scans_job(project), clock, "scan"), 0.05, 0.15)
+    scan, occluders = yield from part(_timed(read_scans_job(project), clock, "scan"), 0.05, 0.15)
     faces = region_faces(project, scan)
     check_partners(project.path, project.photos, faces)
     surfaces = surface_regions(scan, faces)
@@ -86,7 +87,8 @@ def run_project_job(project: Project) -> Job[ProjectResult]:
         yield from part(_timed(_obj_job(project, scan, textured), clock, "obj"), 0.9, 1.0)
     record = provenance(project, digests, scan, poses, textured, clock)
     write_provenance(output_path(project, "_provenance.json"), record)
-    return ProjectResult(project, scan, faces, surfaces, poses, textured, record, clock)
+    hiding = tuple(occluders)
+    return ProjectResult(project, scan, faces, surfaces, poses, textured, record, clock, hiding)
 
 
 def output_path(project: Project, ending: str) -> Path:
@@ -150,7 +152,7 @@ def _told(project: Project, key: str, read: Callable[..., Result], *arguments: A
         raise ProjectError(project.path, key, str(error)) from error
 
 
-def _read_scans_job(project: Project) -> Job[tuple[Scan, list[Scan]]]:
+def read_scans_job(project: Project) -> Job[tuple[Scan, list[Scan]]]:
     """Read the scan and its occluders, which get the same offset."""
     files = [project.scan.path, *project.scan.occluders]
     scan: Scan = yield from part(read_scan_job(files[0], project.scan.settings), 0.0, 1 / len(files))

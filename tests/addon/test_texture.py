@@ -165,3 +165,18 @@ def test_texture_survives_saving(posed, tmp_path):
     np.testing.assert_array_equal(read_uvs(mesh), uvs)
     assert bpy.ops.fresco.solve_poses() == {"FINISHED"}
     assert bpy.ops.fresco.texture_scan() == {"FINISHED"}
+
+
+def test_an_occluder_hides_the_scan(posed):
+    bpy.ops.fresco.texture_scan()
+    before = attribute(posed.fresco.scan.data, "fresco_view_count", np.int32).sum()
+    bpy.ops.mesh.primitive_plane_add(size=1.2, location=(1.5, 1.5, 1.0), rotation=(0.9, 0, 2.3))
+    plane = bpy.context.object
+    bpy.ops.mesh.primitive_cube_add()  # not selected: stays out of it
+    bpy.ops.object.select_all(action="DESELECT")
+    assert not bpy.ops.fresco.add_occluders.poll()
+    plane.select_set(True)
+    bpy.ops.fresco.add_occluders()
+    assert bpy.ops.fresco.texture_scan() == {"FINISHED"}
+    assert attribute(posed.fresco.scan.data, "fresco_view_count", np.int32).sum() < 0.9 * before
+    assert len(plane.data.materials) == 0
