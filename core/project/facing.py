@@ -27,7 +27,7 @@ def check_facing(scan: Scan, views: Sequence[View]) -> None:
         )
     if backs > fronts:
         raise TextureError(
-            f"The photos see the back of {scan.name} ({100 * backs // (fronts + backs)} % of what they show): "
+            f"The photos see the back of {scan.name} ({100 * backs // (fronts + backs)} % of their view): "
             "its faces look the wrong way. Turn them over (turn_over = true in [scan]; Mesh > Normals > Flip "
             "in the window), or let faces be seen from both sides (double_sided = true in [texture])."
         )

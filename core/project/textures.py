@@ -69,8 +69,7 @@ def texture_scan_job(
         raise TextureError(f"{scan.name}: the scan is a point cloud; mesh it before texturing")
     if not views:
         raise TextureError("No photo has a pose: there is nothing to texture with.")
-    yield Progress(0.0, "Looking for finished texture")
-    key = _key(scan, views, settings, occluders, store)
+    key = yield from part(_key_job(scan, views, settings, occluders, store), 0.0, 0.02)
     saved = store.load_arrays("texture", key)
     if saved is not None:
         return _from_arrays(saved, views)
@@ -78,7 +77,7 @@ def texture_scan_job(
         check_facing(scan, views)
     hiding = [(other.vertices, other.faces) for other in occluders if not other.is_cloud]
     mesh: SplitMesh = yield from part(
-        split_large_faces_job(scan.vertices, scan.faces, views, settings.uv_tolerance), 0.0, 0.2
+        split_large_faces_job(scan.vertices, scan.faces, views, settings.uv_tolerance), 0.02, 0.2
     )
     selection: Selection = yield from part(
         select_views_job(mesh.vertices, mesh.faces, views, settings, hiding), 0.2, 0.95
@@ -89,14 +88,19 @@ def texture_scan_job(
     return textured
 
 
-def _key(
+def _key_job(
     scan: Scan, views: Sequence[View], settings: TextureSettings, occluders: Sequence[Scan], store: Store
-) -> str:
+) -> Job[str]:
     """Fingerprint of all that the texture depends on; without a store it is not needed."""
     if store.folder is None:
         return ""
-    meshes = [(other.vertices, other.faces) for other in (scan, *occluders)]
-    return digest(code_digest(), meshes, settings, [_view_digest(view) for view in views])
+    yield Progress(0.0, "Looking for finished texture")
+    meshes = [digest(other.vertices, other.faces) for other in (scan, *occluders)]
+    photos = []
+    for number, view in enumerate(views):
+        yield Progress(number / len(views), "Looking for finished texture")
+        photos.append(_view_digest(view))
+    return digest(code_digest(), meshes, settings, photos)
 
 
 def _view_digest(view: View) -> str:

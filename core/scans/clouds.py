@@ -7,9 +7,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TextIO
 
-import laspy
 import numpy as np
-import pye57
 
 from ..arrays import AnyArray, ByteArray, Float32Array, FloatArray
 from ..errors import ScanError
@@ -22,6 +20,8 @@ _POINTS = 1_000_000
 
 def read_las_job(path: Path) -> Job[RawScan]:
     """Read a LAS or LAZ file. Raises ScanError for a damaged file."""
+    import laspy  # half a second that only those pay who read such a file
+
     yield Progress(0.0, f"Reading {path.name}")
     points, colors, intensity = [], [], []
     try:
@@ -45,6 +45,8 @@ def read_las_job(path: Path) -> Job[RawScan]:
 
 def read_e57_job(path: Path) -> Job[RawScan]:
     """Read all scans of an E57 file, each placed by its pose. Raises ScanError for a damaged file."""
+    import pye57
+
     yield Progress(0.0, f"Reading {path.name}")
     points, colors, intensity = [], [], []
     try:

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 
 from ..arrays import ByteArray, IntArray
 from ..errors import ScanError
@@ -19,6 +18,8 @@ def read_mesh_job(path: Path) -> Job[RawScan]:
 
     glTF is y-up by its definition, see `RawScan.y_up`. Raises ScanError for a damaged file or an empty one.
     """
+    import trimesh  # half a second that only those pay who read such a file
+
     yield Progress(0.0, f"Reading {path.name}")
     try:
         scene = trimesh.load_scene(str(path), process=False, maintain_order=True)
