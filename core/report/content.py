@@ -44,7 +44,8 @@ class PhotoRow:
     """The numbers of one photo; None where there is nothing to say.
 
     `overlap_error` in percent, `rotation_sigma` and `rotation_error` in degrees, `centre_sigma` and
-    `centre_error` in mm, `area` in m², `texel_size` (median over the surface that uses the photo) in mm.
+    `centre_error` in mm, `area` in m², `texel_size` (median over the surface that uses the photo) in mm,
+    `shift` against the photos that see the same surface in pixels.
     """
 
     name: str
@@ -60,6 +61,7 @@ class PhotoRow:
     faces: int | None = None
     area: float | None = None
     texel_size: float | None = None
+    shift: float | None = None
     rotation_error: float | None = None
     centre_error: float | None = None
 
@@ -109,6 +111,7 @@ def _row(report: Report, photo: Photo, result: PhotoPose, areas: FloatArray) -> 
         None if used is None else int(used.sum()),
         None if used is None else float(areas[used].sum()),
         _texel_size(report.textured, used, areas),
+        _shift(report.textured, photo.name),
         rotation_error,
         centre_error,
     )
@@ -130,6 +133,14 @@ def _texel_size(textured: TexturedScan | None, used: BoolArray | None, areas: Fl
     order = np.argsort(size)
     middle = np.searchsorted(np.cumsum(area[order]), 0.5 * area.sum())
     return 1000 * float(size[order][min(int(middle), len(order) - 1)])
+
+
+def _shift(textured: TexturedScan | None, name: str) -> float | None:
+    """Median distance in pixels between where a photo shows details and where its neighbours do."""
+    found = [] if textured is None else [n for n, view in enumerate(textured.views) if view.name == name]
+    if textured is None or not found:
+        return None
+    return float(textured.selection.pose_shift[found[0]])
 
 
 def _errors(report: Report, result: PhotoPose) -> tuple[float | None, float | None]:

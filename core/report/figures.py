@@ -84,24 +84,31 @@ def photo_map(textured: TexturedScan, names: list[str]) -> FaceMap:
 
 
 def texel_map(textured: TexturedScan) -> FaceMap:
-    """Size of a photo's pixel on the surface, on a logarithmic scale."""
+    """Size of a photo's pixel on the surface."""
     size = 1000 * textured.selection.texel_size.astype(np.float64)
-    seen = (textured.selection.view >= 0) & np.isfinite(size) & (size > 0)
-    low, high = np.percentile(size[seen], [2, 98]) if seen.any() else (1.0, 1.0)
+    return _scale_map("Size of a photo pixel on the surface", size, textured, "mm")
+
+
+def shift_map(textured: TexturedScan) -> FaceMap | None:
+    """How far every face's photo disagrees with its neighbours; None where nothing could be compared."""
+    shift = textured.selection.predicted_shift.astype(np.float64)
+    if not np.isfinite(shift).any():
+        return None
+    return _scale_map("Shift of the photo against the other photos", np.maximum(shift, 0.01), textured, "px")
+
+
+def _scale_map(title: str, values: FloatArray, textured: TexturedScan, unit: str) -> FaceMap:
+    """Positive values (F,) on a logarithmic scale from their 2nd to their 98th percentile."""
+    seen = (textured.selection.view >= 0) & np.isfinite(values) & (values > 0)
+    low, high = np.percentile(values[seen], [2, 98]) if seen.any() else (1.0, 1.0)
     high = max(high, low * 1.001)
-    share = np.zeros(len(size))
-    share[seen] = np.clip(np.log(size[seen] / low) / np.log(high / low), 0, 1)
+    share = np.zeros(len(values))
+    share[seen] = np.clip(np.log(values[seen] / low) / np.log(high / low), 0, 1)
     scale = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[:, None], cv2.COLORMAP_VIRIDIS)[:, 0, ::-1]
     colours = scale[np.rint(255 * share).astype(np.uint8)].astype(np.uint8)
     colours[~seen] = _UNSEEN
-    ends = (f"{low:.2g} mm", f"{high:.2g} mm")
-    return FaceMap(
-        "Size of a photo pixel on the surface",
-        colours,
-        ((_UNSEEN, "no photo"),),
-        scale.astype(np.uint8),
-        ends,
-    )
+    ends = (f"{low:.2g} {unit}", f"{high:.2g} {unit}")
+    return FaceMap(title, colours, ((_UNSEEN, "not known"),), scale.astype(np.uint8), ends)
 
 
 def photo_colour(number: int) -> tuple[int, int, int]:

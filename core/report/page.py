@@ -39,7 +39,7 @@ def page(
     sections = [
         _header(report, rows),
         _problems(report, rows),
-        _photo_table(rows, bool(report.truth)),
+        _photo_table(rows),
         _gallery("The model", "", [_figure(figure) for figure in model]),
         _gallery("Maps", "", [_figure(figure) for figure in maps]),
         _gallery("Photos and their regions", _KEY, [_photo(f, r) for f, r in zip(photos, rows, strict=True)]),
@@ -116,22 +116,30 @@ def _problem(name: str, status: str, text: str) -> str:
 _COLUMNS = (
     ("Photo", ""), ("Camera", ""), ("State", ""), ("Regions", ""),
     ("Overlap error", "%"), ("Rotation σ", "°"), ("Centre σ", "mm"), ("Rotation error", "°"),
-    ("Centre error", "mm"), ("Faces", ""), ("Area", "m²"), ("Pixel on surface", "mm"),
+    ("Centre error", "mm"), ("Shift to others", "px"), ("Faces", ""), ("Area", "m²"),
+    ("Pixel on surface", "mm"),
 )  # fmt: skip
-_TRUTH_COLUMNS = (7, 8)
 
 
-def _photo_table(rows: Sequence[PhotoRow], with_truth: bool) -> str:
-    kept = [i for i in range(len(_COLUMNS)) if with_truth or i not in _TRUTH_COLUMNS]
+def _photo_table(rows: Sequence[PhotoRow]) -> str:
+    """Numbers of all photos; columns that say nothing of any photo are left out."""
+    table = [_cells(row) for row in rows]
+    kept = [i for i in range(len(_COLUMNS)) if i < 4 or any(cells[i] != _NOTHING for cells in table)]
     head = "".join(
         f'<th scope="col"{_align(i)}>{name}{f"<br><span class=soft>{unit}</span>" if unit else ""}</th>'
         for i, (name, unit) in enumerate(_COLUMNS)
         if i in kept
     )
-    body = "".join(f"<tr>{_cells(row, kept)}</tr>" for row in rows)
+    body = "".join(
+        f'<tr><th scope="row">{cells[0]}</th>'
+        + "".join(f"<td{_align(i)}>{cells[i]}</td>" for i in kept[1:])
+        + "</tr>"
+        for cells in table
+    )
     caption = (
         "Overlap error: the part of marked and projected regions that does not overlap. σ: one standard "
-        "deviation as estimated from the regions’ outlines, all axes together."
+        "deviation as estimated from the regions’ outlines, all axes together. Shift: where a photo shows "
+        "details against where the other photos show them, median."
     )
     return (
         f'<section><h2>Photos</h2><div class="wide"><table><caption>{caption}</caption>'
@@ -139,9 +147,9 @@ def _photo_table(rows: Sequence[PhotoRow], with_truth: bool) -> str:
     )
 
 
-def _cells(row: PhotoRow, kept: Sequence[int]) -> str:
+def _cells(row: PhotoRow) -> list[str]:
     camera = "<br>".join(escape(text) for text in (row.body, row.camera) if text)
-    values = [
+    return [
         escape(row.name),
         camera,
         f'<span class="{row.status}">{row.status}</span>',
@@ -151,12 +159,11 @@ def _cells(row: PhotoRow, kept: Sequence[int]) -> str:
         _number(row.centre_sigma, "{:.1f}"),
         _number(row.rotation_error, "{:.3f}"),
         _number(row.centre_error, "{:.1f}"),
+        _number(row.shift, "{:.1f}"),
         _number(row.faces, "{:,}").replace(",", " "),
         _number(row.area, "{:.2f}"),
         _number(row.texel_size, "{:.2f}"),
     ]
-    first = f'<th scope="row">{values[0]}</th>'
-    return first + "".join(f"<td{_align(i)}>{values[i]}</td>" for i in kept[1:])
 
 
 def _align(column: int) -> str:

@@ -14,7 +14,7 @@ from ..project.run import ProjectResult
 from ..project.textures import TexturedScan
 from ..texture.render import shade_clay, shade_faces, shade_textured_job, trace_pixels_job
 from .content import Report, photo_rows, project_report
-from .figures import FaceMap, draw_photo, jpeg, photo_map, texel_map
+from .figures import FaceMap, draw_photo, jpeg, photo_map, shift_map, texel_map
 from .page import Figure, page
 from .viewpoint import Viewpoint, facing, two_viewpoints
 
@@ -74,7 +74,8 @@ def _model_job(textured: TexturedScan) -> Job[tuple[list[Figure], list[Figure]]]
     shown = textured.faces[used] if used.any() else textured.faces
     viewpoints = two_viewpoints(textured.vertices, shown, textured.views)
     names = [view.name for view in textured.views]
-    maps = [photo_map(textured, names), texel_map(textured)]
+    shift = shift_map(textured)
+    maps = [photo_map(textured, names), texel_map(textured), *([shift] if shift else [])]
     # The maps are shown from the side that turns more of the textured surface to the viewer.
     seen = [len(facing(textured.vertices, shown, viewpoint)) for viewpoint in viewpoints]
     model: list[Figure] = []

@@ -21,7 +21,7 @@ from fresco.core.project.textures import TexturedScan
 from fresco.core.regions import SurfaceRegion
 from fresco.core.report import Report, write_report, write_report_job
 from fresco.core.report.content import photo_rows
-from fresco.core.report.figures import PROJECTED, draw_photo, photo_map, projected_loops, texel_map
+from fresco.core.report.figures import PROJECTED, draw_photo, photo_map, projected_loops, shift_map, texel_map
 from fresco.core.report.viewpoint import facing, two_viewpoints
 from fresco.core.scans.scan import Scan
 from fresco.core.texture import select_views
@@ -160,7 +160,7 @@ def test_errors_appear_only_where_the_truth_is_known(report):
     rotation, translation = report.poses[0].pose.rotation, report.poses[0].pose.translation
     turned = exp_so3(np.radians([0.0, 0.3, 0.0])) @ rotation
     centre = -rotation.T @ translation + OFFSET + (0.003, 0, 0.004)
-    known = Report(**(vars(report) | {"truth": {"solved": (turned, -turned @ centre)}}))
+    known = dataclasses.replace(report, truth={"solved": (turned, -turned @ centre)})
     row, given, *_ = photo_rows(known)
     assert row.rotation_error == pytest.approx(0.3, abs=1e-6)
     assert row.centre_error == pytest.approx(5.0, abs=1e-3)
@@ -181,7 +181,7 @@ def test_rows_tell_state_uncertainty_and_use(report):
 
 
 def test_without_texture_only_poses_are_shown(report, tmp_path):
-    bare = Report(**(vars(report) | {"textured": None}))
+    bare = dataclasses.replace(report, textured=None)
     page = Page(write_report(bare, tmp_path / "poses.html").read_text(encoding="utf-8"))
     assert len(page.sources) == 4
     assert "Surface with a photo" in page.text
@@ -261,3 +261,25 @@ def test_viewpoints_stand_upright_left_and_right_of_the_photos(report):
     front = facing(report.scan.vertices, report.scan.faces, right)
     assert len(front) == len(report.scan.faces)
     assert len(facing(report.scan.vertices, report.scan.faces[:, ::-1], right)) == 0
+
+
+def test_columns_without_a_number_are_left_out(report, tmp_path):
+    page = Page(
+        write_report(dataclasses.replace(report, textured=None), tmp_path / "a.html").read_text("utf-8")
+    )
+    assert "Centre error" not in page.text and "Shift to others" not in page.text
+    pose = report.poses[0].pose
+    known = dataclasses.replace(
+        report, textured=None, truth={"solved": (pose.rotation, pose.translation - pose.rotation @ OFFSET)}
+    )
+    page = Page(write_report(known, tmp_path / "b.html").read_text("utf-8"))
+    assert "Centre error" in page.text and "Shift to others" not in page.text
+
+
+def test_the_disagreement_with_other_photos_is_shown_where_it_is_known(report):
+    assert shift_map(report.textured) is None
+    chosen = dataclasses.replace(report.textured.selection, pose_shift=np.array([0.4, 3.0]))
+    textured = dataclasses.replace(report.textured, selection=chosen)
+    assert shift_map(textured).ends == ("0.4 px", "3 px")
+    rows = photo_rows(dataclasses.replace(report, textured=textured))
+    assert [row.shift for row in rows] == [0.4, 3.0, None, None]
