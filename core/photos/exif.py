@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import io
 import logging
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import exifread
 
@@ -87,21 +86,24 @@ class Exif:
         return None
 
 
-def read_exif(path: Path | str, data: bytes | None = None) -> Exif:
+def read_exif(path: Path | str) -> Exif:
     """Read the EXIF data of a photo; a photo without gives an empty `Exif`.
 
-    `data` may hold the file's bytes when they have been read already. Raises PhotoError when the file cannot
-    be opened; damaged EXIF data counts as none.
+    Raises PhotoError when the file cannot be opened; damaged EXIF data counts as none.
     """
     try:
-        stream = io.BytesIO(Path(path).read_bytes() if data is None else data)
+        with Path(path).open("rb") as file:
+            return _exif(_tags(file))
     except OSError as error:
         raise PhotoError(f"{path}: the photo cannot be read ({error.strerror or error})") from error
+
+
+def _tags(file: BinaryIO) -> Mapping[str, Any]:
     try:
-        tags = exifread.process_file(stream, details=False)
+        tags: Mapping[str, Any] = exifread.process_file(file, details=False)
     except Exception:  # exifread passes on whatever it meets in damaged data
-        return Exif()
-    return _exif(tags)
+        return {}
+    return tags
 
 
 def _exif(tags: Mapping[str, Any]) -> Exif:

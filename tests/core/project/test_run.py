@@ -122,6 +122,17 @@ def test_interrupted_run_keeps_what_was_finished(corner, monkeypatch):
     assert len(solved) == 4  # the second photo was interrupted and is solved again
 
 
+def test_stopping_at_any_step_leaves_nothing_half_written(corner):
+    path, _ = corner()
+    for stop in (0.01, 0.1, 0.3, 0.6, 0.85, 0.93):
+        job = run_project_job(load_project(path))
+        next(progress for progress in job if progress.fraction >= stop)
+        job.close()
+        left = {file.name for file in (path.parent / "out").rglob("*") if file.is_file()}
+        assert left <= {"pose A.json", "pose B.json", "pose C.json", "texture.npz"}
+    assert run(path).textured.coverage > 0.75
+
+
 def test_damaged_cache_is_computed_again(corner, monkeypatch):
     path, _ = corner()
     solved = count_solved(monkeypatch)
