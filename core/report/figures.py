@@ -22,7 +22,6 @@ from ..regions.surface_region import SurfaceRegion
 
 DRAWN = (240, 160, 0)
 PROJECTED = (40, 120, 255)
-PHOTO_WIDTH = 960
 _UNSEEN = (120, 120, 124)
 _SHIFT = 4
 _BOUNDARY_STEPS = 8
@@ -43,9 +42,11 @@ class FaceMap:
     ends: tuple[str, str] = ("", "")
 
 
-def draw_photo(photo: Photo, pose: Pose | None, surfaces: Mapping[str, SurfaceRegion]) -> ByteArray:
-    """A photo, at most 960 px wide, with the regions drawn in it and the scan's regions projected into it."""
-    factor = min(1.0, PHOTO_WIDTH / photo.camera.width)
+def draw_photo(
+    photo: Photo, pose: Pose | None, surfaces: Mapping[str, SurfaceRegion], width: int = 960
+) -> ByteArray:
+    """A photo, at most `width` pixels wide, with its regions as drawn and as projected from the scan."""
+    factor = min(1.0, width / photo.camera.width)
     image = read_image(photo.path, factor)
     camera = photo.camera.resized(image.shape[1], image.shape[0])
     for mark in photo.regions:

@@ -18,6 +18,10 @@ from .figures import FaceMap, draw_photo, jpeg, photo_map, shift_map, texel_map
 from .page import Figure, page
 from .viewpoint import Viewpoint, facing, two_viewpoints
 
+_PHOTO_WIDTH, _SMALL_PHOTO_WIDTH = 960, 600
+_MANY_PHOTOS = 40
+"""Above this many photos their pictures are smaller: the file stays below some 20 MB for 200 photos."""
+
 
 @dataclass(frozen=True, eq=False)
 class _FacesShown:
@@ -58,9 +62,10 @@ def write_report(result: ProjectResult | Report, path: Path | str) -> Path:
 
 def _pictures_job(report: Report) -> Job[_Pictures]:
     photos = []
+    width = _PHOTO_WIDTH if len(report.photos) <= _MANY_PHOTOS else _SMALL_PHOTO_WIDTH
     for number, (photo, result) in enumerate(zip(report.photos, report.poses, strict=True)):
         yield Progress(0.4 * number / len(report.photos), f"Drawing the regions of {photo.name}")
-        image = draw_photo(photo, result.pose, report.surfaces)
+        image = draw_photo(photo, result.pose, report.surfaces, width)
         photos.append(Figure(jpeg(image), image.shape[1], image.shape[0], photo.name))
     if report.textured is None:
         return _Pictures(photos, [], [])
