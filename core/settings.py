@@ -16,7 +16,7 @@ class ScanSettings:
     unit: float = 1.0
     """Metres per unit of the file: 0.001 for millimetres, 0.3048 for feet."""
 
-    up: str = "auto"
+    up: Literal["auto", "y", "z"] = "auto"
     """Axis of the file that points up, "z" or "y"; "auto" is y for glTF, whose definition says so, else z."""
 
     offset: tuple[float, float, float] | None = None

@@ -71,7 +71,6 @@ def _scan(table: Table) -> ScanEntry:
         if unit not in _UNITS:
             table.fail("unit", f"has to be one of {', '.join(_UNITS)}, or metres as a number, not “{unit}”")
         table = Table(table.file, {**table.values, "unit": _UNITS[unit]}, table.key)
-    table.choice("up", ("auto", "y", "z"), "auto")
     table.offer(("path",))
     occluders = table.paths("occluders")
     return ScanEntry(path, _settings(table, ScanSettings), occluders)
