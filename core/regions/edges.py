@@ -14,7 +14,8 @@ from ..arrays import AnyArray, ArrayLike, ByteArray, Float32Array, FloatArray
 from ..errors import RegionError
 
 _NEIGHBOURHOOD = 24.0  # pixels (sigma) over which contrast is evened out
-_FLOOR = np.array([4.0, 8.0, 8.0], dtype=np.float32)  # L*, a*, b* below which contrast counts as noise
+_CHROMA_BLUR = 1.5  # pixels (sigma): JPEG keeps hue at half resolution, in blocks
+_FLOOR = (4.0, 8.0, 8.0)  # L*, a*, b* below which contrast counts as noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,24 +75,29 @@ def lab(image: ByteArray) -> Float32Array:
 
 
 def evened(colours: Float32Array) -> Float32Array:
-    """CIELAB (H,W,3) less its local mean, in local standard deviations.
+    """Channels (H,W,k) of a CIELAB image, k = 1 or 3, less their local mean, in local standard deviations.
 
-    An edge in shade counts like one in light, and one of hue like one of lightness.
+    An edge in shade counts like one in light.
     """
-    offset = colours - cv2.GaussianBlur(colours, (0, 0), _NEIGHBOURHOOD)
-    variance = cv2.GaussianBlur(offset * offset, (0, 0), _NEIGHBOURHOOD)
-    even: Float32Array = (offset / np.sqrt(variance + _FLOOR**2)).astype(np.float32)
+    even = np.empty_like(colours)
+    for channel in range(colours.shape[2]):
+        values = np.ascontiguousarray(colours[:, :, channel])
+        if channel > 0:
+            values = cv2.GaussianBlur(values, (0, 0), _CHROMA_BLUR).astype(np.float32)
+        offset = values - cv2.GaussianBlur(values, (0, 0), _NEIGHBOURHOOD)
+        variance = cv2.GaussianBlur(offset * offset, (0, 0), _NEIGHBOURHOOD)
+        even[:, :, channel] = offset / np.sqrt(variance + _FLOOR[channel] ** 2)
     return even
 
 
 def gradient(even: Float32Array) -> Gradient:
-    """Smoothed gradient of an evened image (H,W,3).
+    """Smoothed gradient of an evened image (H,W,k).
 
     At every pixel that of the channel where it is steepest.
     """
-    smooth = cv2.GaussianBlur(even, (0, 0), 0.8)
-    u = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=0.125).astype(np.float32)
-    v = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, scale=0.125).astype(np.float32)
+    smooth = cv2.GaussianBlur(even, (0, 0), 0.8).reshape(even.shape)
+    u = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=0.125).astype(np.float32).reshape(even.shape)
+    v = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, scale=0.125).astype(np.float32).reshape(even.shape)
     steepest = np.argmax(u * u + v * v, axis=2)[:, :, None]
     return Gradient(
         np.take_along_axis(u, steepest, axis=2)[:, :, 0], np.take_along_axis(v, steepest, axis=2)[:, :, 0]
@@ -99,16 +105,12 @@ def gradient(even: Float32Array) -> Gradient:
 
 
 def straight_segments(even: Float32Array) -> FloatArray:
-    """Straight edge segments (N,4), u and v of both ends, of all channels of an evened image (H,W,3).
+    """Straight edge segments (N,4), u and v of both ends, of an evened lightness (H,W,1).
 
     Source: von Gioi, Jakubowicz, Morel and Randall, LSD: a fast line segment detector, PAMI 2010.
     """
     detector = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD)
-    levels = np.clip(even * 50 + 128, 0, 255).astype(np.uint8)
-    found: list[FloatArray] = [np.zeros((0, 4))]
-    for channel in range(3):
-        # typed as never None, but an image without edges has none
-        segments: AnyArray | None = detector.detect(np.ascontiguousarray(levels[:, :, channel]))[0]
-        if segments is not None:
-            found.append(np.asarray(segments, dtype=np.float64).reshape(-1, 4))
-    return np.concatenate(found)
+    levels = np.clip(even[:, :, 0] * 50 + 128, 0, 255).astype(np.uint8)
+    # typed as never None, but an image without edges has none
+    segments: AnyArray | None = detector.detect(levels)[0]
+    return np.zeros((0, 4)) if segments is None else np.asarray(segments, dtype=np.float64).reshape(-1, 4)

@@ -237,11 +237,15 @@ def _filled_outline(
     closed = cv2.morphologyEx(picture, cv2.MORPH_CLOSE, disc)
     loops, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(picture, loops, -1, (1,), cv2.FILLED)
-    return cell, origin, picture
+    # What only touches the border from inside is the neighbouring wall, not ornament.
+    return cell, origin, np.asarray(cv2.erode(picture, np.ones((3, 3), np.uint8)), dtype=np.uint8)
 
 
 def _score(piece: _Part, levels: list[SurfaceLevel], k: int, seed: int) -> float:
-    """Log score: stable against the tolerance, bounded by creases, solid, around the click."""
+    """Log score: stable against the tolerance.
+
+    Thin for its size, bounded by creases, solid, around the click.
+    """
     level = levels[k]
     larger = levels[min(k + 1, len(levels) - 1)].area
     stability = min(level.area, larger) / max(level.area, larger, 1e-300)
@@ -255,7 +259,13 @@ def _score(piece: _Part, levels: list[SurfaceLevel], k: int, seed: int) -> float
     spread = np.cov(plane.T) + 1e-12 * np.eye(2)
     central = -0.15 * min(float(off @ np.linalg.solve(spread, off)) / 0.15**2, 9.0)
     crisp = max(_crispness(piece, level), 1e-3)
-    return float(2 * np.log(max(stability, 1e-3)) + 2 * np.log(max(solidity, 1e-3)) + np.log(crisp) + central)
+    flatness = max(1 - 4 * level.tolerance / float(np.sqrt(level.area)), 0.05)
+    return float(
+        2 * np.log(max(stability, 1e-3))
+        + 2 * np.log(max(solidity, 1e-3))
+        + np.log(crisp * flatness)
+        + central
+    )
 
 
 def _crispness(piece: _Part, level: SurfaceLevel) -> float:

@@ -183,7 +183,7 @@ def prepare_wand_job(image: ArrayLike, settings: RegionSettings | None = None) -
     yield Progress(0.0, "Reducing the photo")
     small, factor = edges.reduced(photo, settings.working_size)
     colours = edges.lab(small)
-    even = edges.evened(colours)
+    even = edges.evened(colours[:, :, :1])  # edges of hue alone are JPEG's noise, or found by colour
     yield Progress(0.2, "Finding edges")
     segments = edges.straight_segments(even)
     yield Progress(0.5, "Finding straight edges")

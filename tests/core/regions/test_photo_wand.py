@@ -21,10 +21,10 @@ def facade(seed=3):
     panel = np.zeros((height * 8, width * 8), dtype=np.uint8)  # drawn eight times larger: sub-pixel edges
     cv2.fillPoly(panel, [np.round((PANEL + 0.5) * 8 - 0.5).astype(np.int32)], 1)
     share = cv2.resize(panel.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)[..., None]
-    inside = np.full_like(wall, (170, 105, 100))
+    inside = np.full_like(wall, (120, 75, 72))
     for _ in range(60):
         u, v = rng.integers([215, 170], [590, 430])
-        cv2.circle(inside, (int(u), int(v)), int(rng.integers(4, 14)), (140, 90, 95), 3)
+        cv2.circle(inside, (int(u), int(v)), int(rng.integers(4, 14)), (90, 60, 62), 3)
     image = wall * (1 - share) + inside * share
     cv2.circle(image, OPENING, 60, (25, 25, 30), cv2.FILLED)
     image = cv2.GaussianBlur(image, (0, 0), 0.7) + rng.normal(0, 2, image.shape)
