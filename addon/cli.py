@@ -52,6 +52,7 @@ def run(path: Path, start_blender: Callable[[], None]) -> int:
     printer = ProgressPrinter()
     try:
         project = load_project(path)
+        printer.show(Progress(0.0, "Starting Blender"))
         start_blender()
         result = drain(run_job(project), printer.show)
     except ProjectError as error:

@@ -35,15 +35,14 @@ class FRESCO_UL_regions(bpy.types.UIList):
         swatch.ui_units_x = 0.9
         swatch.prop(item, "color", text="")
         row.prop(item, "name", text="", emboss=False)
-        numbers = row.row(align=True)
-        numbers.alignment = "RIGHT"
-        faces = numbers.row()
+        faces = row.row()
         faces.alert = item.face_count == 0
-        faces.label(text=f"{item.face_count:,}", icon="MESH_DATA")
-        masks = marked_photos(data, item)
-        marks = numbers.row()
-        marks.alert = masks == 0
-        marks.label(text=str(masks), icon="IMAGE_DATA")
+        faces.label(text="", icon="MESH_DATA" if item.face_count else "ERROR")
+        count = marked_photos(data, item)
+        marks = row.row()
+        marks.alert = count == 0
+        marks.alignment = "RIGHT"
+        marks.label(text=str(count), icon="IMAGE_DATA")
 
 
 def marked_photos(fresco: FrescoScene, region: FrescoRegion) -> int:
@@ -96,6 +95,8 @@ def draw_region(layout: bpy.types.UILayout, context: bpy.types.Context, fresco: 
         draw_text(
             layout, context, "No faces on the scan yet: select some and press the arrows.", icon="ERROR"
         )
+    else:
+        draw_text(layout, context, f"{region.face_count:,} faces on the scan", icon="MESH_DATA")
     marked = [photo.name for photo in fresco.photos if photo.mark(region.uid) is not None]
     if marked:
         draw_text(layout, context, "Marked in " + ", ".join(marked), icon="IMAGE_DATA")

@@ -47,8 +47,8 @@ def project(folder, tmp_path):
     return write
 
 
-def fresco(*words, block_bpy=False):
-    """Run the command `fresco`; its exit code, output and error lines."""
+def fresco(*words, block_bpy=False, before=None):
+    """Run the command `fresco`, `before` in its process first; its exit code, output and error lines."""
     code = "import sys; sys.argv[0] = 'fresco'\n"
     if block_bpy:
         code += "sys.modules['bpy'] = None\n"
@@ -61,11 +61,12 @@ def fresco(*words, block_bpy=False):
         text=True,
         env=environment,
         timeout=240,
+        preexec_fn=before,
         check=False,
     )
 
 
-def test_run_writes_everything(project, tmp_path, room):
+def test_run_writes_everything(extension, project, tmp_path, room):
     path = project()
     done = fresco("run", path)
     assert done.returncode == 0, done.stderr
@@ -153,6 +154,18 @@ def test_an_output_folder_that_cannot_be_made_ends_with_1(project, tmp_path):
     assert done.returncode == 1
     assert len(done.stderr.strip().splitlines()) == 1, done.stderr
     assert "/proc/nowhere" in done.stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="limits the size of files as only POSIX can")
+def test_a_disk_that_takes_no_more_leaves_nothing_half_written(project, tmp_path):
+    import resource
+
+    limit = 50_000  # bytes per file
+    done = fresco("run", project(), before=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)))
+    assert done.returncode == 1
+    assert "cannot be written" in done.stderr.splitlines()[0]
+    written = [path for path in (tmp_path / "out put").rglob("*") if path.is_file()]
+    assert not [path.name for path in written if ".part" in path.name or path.stat().st_size >= limit]
 
 
 def test_blenders_own_command_takes_the_same_arguments(extension, module, project, capsys):

@@ -46,9 +46,15 @@ def file_browser():
     return next(((w, a) for w in windows for a in w.screen.areas if a.type == "FILE_BROWSER"), None)
 
 
-def choose(ui, folder, names=()):
-    """In the file browser that a button opened: choose a folder or files, and confirm."""
-    yield from ui.wait(file_browser, 10, "the file browser")
+def choose(ui, text, folder, names=(), at=0.45):
+    """Press a button that opens the file browser, choose a folder or a file there, and confirm."""
+    for _ in range(3):  # a busy machine may swallow a click
+        yield from press(ui, text, at)
+        for _ in range(40):
+            if file_browser() is None:
+                yield 0.1
+        if file_browser() is not None:
+            break
     yield 1.0
     window, area = file_browser()
     area.spaces.active.params.directory = str(folder).encode()
@@ -56,8 +62,6 @@ def choose(ui, folder, names=()):
     for name in names[:1]:
         area.spaces.active.params.filename = name
     with bpy.context.temp_override(window=window, area=area, region=ui.region(area)):
-        if len(names) > 1:
-            bpy.ops.file.select_all(action="SELECT")
         bpy.ops.file.execute("INVOKE_DEFAULT")
     yield 0.1
 
@@ -92,13 +96,11 @@ def park_mouse(ui):
 
 def step_scan(ui):
     slow_down(True)
-    yield from press(ui, "fresco.import_scan")
-    yield from choose(ui, FOLDER, ["scan.ply"])
+    yield from choose(ui, "fresco.import_scan", FOLDER, ["scan.ply"])
     yield from stop(ui, "import scan")
     assert fresco().scan is None and "scan" not in bpy.data.meshes
     slow_down(False)
-    yield from press(ui, "fresco.import_scan")
-    yield from choose(ui, FOLDER, ["scan.ply"])
+    yield from choose(ui, "fresco.import_scan", FOLDER, ["scan.ply"])
     yield from finished(ui)
     assert fresco().scan is not None
     yield from park_mouse(ui)
@@ -107,13 +109,11 @@ def step_scan(ui):
 
 def step_photos(ui):
     slow_down(True)
-    yield from press(ui, "fresco.import_photo_folder", at=0.87)
-    yield from choose(ui, FOLDER / "many photos")
+    yield from choose(ui, "fresco.import_photo_folder", FOLDER / "many photos", at=0.87)
     yield from stop(ui, "import photos")
     assert len(fresco().photos) == 0 and not any(obj.type == "CAMERA" for obj in bpy.data.objects)
     slow_down(False)
-    yield from press(ui, "fresco.import_photo_folder", at=0.87)
-    yield from choose(ui, FOLDER / "photos")
+    yield from choose(ui, "fresco.import_photo_folder", FOLDER / "photos", at=0.87)
     yield from finished(ui)
     assert len(fresco().photos) == 3
     yield from park_mouse(ui)
@@ -157,13 +157,11 @@ def step_regions(ui):
     with ui.override():
         bpy.ops.object.mode_set(mode="OBJECT")
     slow_down(True)
-    yield from press(ui, "fresco.import_mask_folder", at=0.87)
-    yield from choose(ui, FOLDER / "masks")
+    yield from choose(ui, "fresco.import_mask_folder", FOLDER / "masks", at=0.87)
     yield from stop(ui, "import masks")
     assert sum(len(photo.marks) for photo in fresco().photos) == 0
     slow_down(False)
-    yield from press(ui, "fresco.import_mask_folder", at=0.87)
-    yield from choose(ui, FOLDER / "masks")
+    yield from choose(ui, "fresco.import_mask_folder", FOLDER / "masks", at=0.87)
     yield from finished(ui)
     assert [len(photo.marks) for photo in fresco().photos] == [3, 3, 3]
     yield from park_mouse(ui)
