@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..arrays import ByteArray, FloatArray
+from ..arrays import BoolArray, ByteArray, FloatArray
 from ..cameras import Camera
 from ..errors import FrescoError
 from ..photos.image import read_image
@@ -85,30 +85,31 @@ def photo_map(textured: TexturedScan, names: list[str]) -> FaceMap:
 
 
 def texel_map(textured: TexturedScan) -> FaceMap:
-    """Size of a photo's pixel on the surface."""
+    """Size of a photo's pixel on the surface, on a logarithmic scale from its 2nd to its 98th percentile."""
     size = 1000 * textured.selection.texel_size.astype(np.float64)
-    return _scale_map("Size of a photo pixel on the surface", size, textured, "mm")
+    known = (textured.selection.view >= 0) & np.isfinite(size) & (size > 0)
+    low, high = np.percentile(size[known], [2, 98]) if known.any() else (1.0, 1.0)
+    share = np.log(np.where(known, size, low) / low) / np.log(max(high / low, 1.001))
+    ends = (f"{low:.2g} mm", f"{high:.2g} mm (logarithmic)")
+    return _scale_map("Size of a photo pixel on the surface", share, known, ends)
 
 
 def shift_map(textured: TexturedScan) -> FaceMap | None:
     """How far every face's photo disagrees with its neighbours; None where nothing could be compared."""
     shift = textured.selection.predicted_shift.astype(np.float64)
-    if not np.isfinite(shift).any():
+    known = np.isfinite(shift)
+    if not known.any():
         return None
-    return _scale_map("Shift of the photo against the other photos", np.maximum(shift, 0.01), textured, "px")
+    high = max(1.0, float(shift[known].max()))
+    share = np.where(known, shift, 0) / high
+    return _scale_map("Shift of the photo against the other photos", share, known, ("0 px", f"{high:.1f} px"))
 
 
-def _scale_map(title: str, values: FloatArray, textured: TexturedScan, unit: str) -> FaceMap:
-    """Positive values (F,) on a logarithmic scale from their 2nd to their 98th percentile."""
-    seen = (textured.selection.view >= 0) & np.isfinite(values) & (values > 0)
-    low, high = np.percentile(values[seen], [2, 98]) if seen.any() else (1.0, 1.0)
-    high = max(high, low * 1.001)
-    share = np.zeros(len(values))
-    share[seen] = np.clip(np.log(values[seen] / low) / np.log(high / low), 0, 1)
+def _scale_map(title: str, share: FloatArray, known: BoolArray, ends: tuple[str, str]) -> FaceMap:
+    """Colours for values (F,) in 0..1 where they are known."""
     scale = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[:, None], cv2.COLORMAP_VIRIDIS)[:, 0, ::-1]
-    colours = scale[np.rint(255 * share).astype(np.uint8)].astype(np.uint8)
-    colours[~seen] = _UNSEEN
-    ends = (f"{low:.2g} {unit}", f"{high:.2g} {unit}")
+    colours = scale[np.rint(255 * np.clip(share, 0, 1)).astype(np.uint8)].astype(np.uint8)
+    colours[~known] = _UNSEEN
     return FaceMap(title, colours, ((_UNSEEN, "not known"),), scale.astype(np.uint8), ends)
 
 

@@ -208,7 +208,7 @@ def _legend(legend: FaceMap | None) -> str:
         ramp = (
             f"<br>{escape(legend.ends[0])}"
             f'<span class="ramp" style="background: linear-gradient(to right, {stops})"></span>'
-            f"{escape(legend.ends[1])} (logarithmic)"
+            f"{escape(legend.ends[1])}"
         )
     swatches = "".join(
         f'<span class="entry"><span class="swatch" style="background: {_css(colour)}"></span>'

@@ -230,7 +230,7 @@ def test_maps_have_a_colour_for_every_face_and_say_what_it_means(report):
     assert [text for _, text in photos.entries] == ["solved", "given", "no photo"]
     assert len({tuple(colour) for colour in photos.colours}) == 3
     texels = texel_map(report.textured)
-    assert texels.ends == ("2 mm", "3.5 mm")
+    assert texels.ends == ("2 mm", "3.5 mm (logarithmic)")
     assert len(texels.colours) == len(report.scan.faces)
 
 
@@ -280,6 +280,6 @@ def test_the_disagreement_with_other_photos_is_shown_where_it_is_known(report):
     assert shift_map(report.textured) is None
     chosen = dataclasses.replace(report.textured.selection, pose_shift=np.array([0.4, 3.0]))
     textured = dataclasses.replace(report.textured, selection=chosen)
-    assert shift_map(textured).ends == ("0.4 px", "3 px")
+    assert shift_map(textured).ends == ("0 px", "3.0 px")
     rows = photo_rows(dataclasses.replace(report, textured=textured))
     assert [row.shift for row in rows] == [0.4, 3.0, None, None]
