@@ -27,11 +27,16 @@ _TILE = 33
 _SEARCH = 24
 """Pixels of the preview in which a piece is looked for: about 2 degrees of a normal lens."""
 _TILES = 12
+"""Pieces compared per pair of photos."""
+_CORNERS = [0, _TILE - 1, _TILE * (_TILE - 1), _TILE * _TILE - 1]
+_FEWEST = 8
+"""Pieces that must be looked for before their absence says anything."""
 _FACES = 40_000
 _MATCH = 0.65
 """Normalised correlation from which a piece counts as found."""
-_LEAST_CONTRAST = 12.0
-_SCALE_RANGE = 2.5
+_LEAST_CONTRAST = 6.0
+"""Standard deviation (grey levels) below which a piece is too plain to be found again."""
+_SCALE_RANGE = 2.2
 """Pieces that another photo shows so many times smaller or larger, in any direction, are not compared."""
 _SMALLEST_SHIFT = 1.5
 """Shift (preview pixels) that is never called a wrong pose: the scan's own roughness causes as much."""
@@ -83,14 +88,12 @@ def compare_poses_job(
         partners = [int(j) for j in np.argsort(-shared[number], kind="stable") if shared[number, j] > 0]
         if preview is None or not partners:
             continue
-        tiles = _pieces(surface, view, preview)
-        results = [
-            _shift_between(tiles, surface, preview, views[j], previews[j]) for j in partners[:_PARTNERS]
-        ]
-        found = [(distance, share) for distance, share in results if np.isfinite(share)]
-        distances = [distance for distance, _ in found if np.isfinite(distance)]
-        if found:
-            matched[number] = np.median([share for _, share in found])
+        pieces = _pieces(surface, view, preview)
+        results = [_compare(pieces, surface, preview, views[j], previews[j]) for j in partners[:_PARTNERS]]
+        tried = sum(result.tried for result in results)
+        distances = [float(np.median(r.found)) for r in results if len(r.found) >= 2]
+        if tried >= _FEWEST:
+            matched[number] = sum(len(result.found) for result in results) / tried
         if distances:
             # The lower median: a neighbour posed wrong must not condemn a photo that another confirms.
             shift[number] = np.sort(distances)[(len(distances) - 1) // 2]
@@ -117,7 +120,7 @@ class _Pieces:
 
 
 def _pieces(surface: Surface, view: View, preview: Preview) -> _Pieces:
-    """Squares of a photo with enough detail in every direction, and where they lie on the surface."""
+    """Squares across a photo, those with most detail in every direction first, and their surface points."""
     half = _TILE // 2
     margin = half + _SEARCH
     rows, columns = preview.grey.shape
@@ -127,8 +130,7 @@ def _pieces(surface: Surface, view: View, preview: Preview) -> _Pieces:
     u = np.linspace(margin, columns - 1 - margin, 8).astype(np.int64)
     v = np.linspace(margin, rows - 1 - margin, 6).astype(np.int64)
     centre = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-    order = np.argsort(-strength[centre[:, 1], centre[:, 0]], kind="stable")[:_TILES]
-    centre = centre[order]
+    centre = centre[np.argsort(-strength[centre[:, 1], centre[:, 0]], kind="stable")]
     du, dv = np.meshgrid(np.arange(-half, half + 1), np.arange(-half, half + 1))
     pixel = centre[:, None] + np.stack([du.ravel(), dv.ravel()], axis=1)
     full = (pixel.reshape(-1, 2) + 0.5) / preview.scale - 0.5
@@ -140,39 +142,42 @@ def _pieces(surface: Surface, view: View, preview: Preview) -> _Pieces:
     return _Pieces(centre, points.reshape(len(centre), -1, 3))
 
 
-def _shift_between(
+@dataclass(frozen=True)
+class _Comparison:
+    """Pieces `tried` in another photo, and the distances (preview pixels) at which they were `found`."""
+
+    tried: int
+    found: list[float]
+
+
+def _compare(
     pieces: _Pieces, surface: Surface, preview: Preview, other: View, other_preview: Preview | None
-) -> tuple[float, float]:
-    """Median shift (preview pixels) of the pieces in another photo, and the share found; NaN if none."""
+) -> _Comparison:
+    """Look for the strongest pieces that another photo sees whole and about as large."""
     if other_preview is None or len(pieces.centre) == 0:
-        return np.nan, np.nan
-    flat = pieces.points.reshape(-1, 3)
+        return _Comparison(0, [])
+    corners = project(other, pieces.points[:, _CORNERS].reshape(-1, 3))
+    whole = other.camera.in_frame(corners).reshape(-1, 4).all(axis=1)
+    whole &= _comparable(corners.reshape(-1, 4, 2) * other_preview.scale)
+    chosen = np.flatnonzero(whole)[:_TILES]
+    if len(chosen) == 0:
+        return _Comparison(0, [])
+    flat = pieces.points[chosen].reshape(-1, 3)
     pixels = project(other, flat)
     usable = other.camera.in_frame(pixels)
     usable[usable] = ~surface.caster.occluded(other.centre - surface.origin, flat[usable] - surface.origin)
     values = sample_image(other_preview.grey, np.nan_to_num(other_preview.pixels(pixels)))
-    usable = usable.reshape(len(pieces.centre), -1) & _comparable(pixels * other_preview.scale)[:, None]
-    values = values.reshape(len(pieces.centre), _TILE, _TILE)
-    whole = np.flatnonzero(usable.all(axis=1))
-    shifts = []
-    tried = 0
-    for tile in whole:
-        if values[tile].std() < _LEAST_CONTRAST / 2:
-            continue
-        tried += 1
-        distance = _found_at(preview.grey, pieces.centre[tile], values[tile])
-        if distance is not None:
-            shifts.append(distance)
-    if tried < 2:
-        return np.nan, np.nan
-    return (float(np.median(shifts)) if len(shifts) >= 2 else np.nan), len(shifts) / tried
+    values = values.reshape(len(chosen), _TILE, _TILE)
+    contrast = values.std(axis=(1, 2))
+    tried = np.flatnonzero(usable.reshape(len(chosen), -1).all(axis=1) & (contrast >= _LEAST_CONTRAST))
+    found = [_found_at(preview.grey, pieces.centre[chosen[tile]], values[tile]) for tile in tried]
+    return _Comparison(len(tried), [distance for distance in found if distance is not None])
 
 
-def _comparable(pixels: FloatArray) -> BoolArray:
-    """Pieces that the other photo shows about as large: (T*TILE*TILE,2) preview pixels -> (T,)."""
-    grid = pixels.reshape(-1, _TILE, _TILE, 2)
-    along = (grid[:, _TILE // 2, -1] - grid[:, _TILE // 2, 0]) / (_TILE - 1)
-    down = (grid[:, -1, _TILE // 2] - grid[:, 0, _TILE // 2]) / (_TILE - 1)
+def _comparable(corners: FloatArray) -> BoolArray:
+    """Pieces that another photo shows about as large: corners (T,4,2) preview pixels there -> (T,)."""
+    along = (corners[:, 1] - corners[:, 0] + corners[:, 3] - corners[:, 2]) / (2 * (_TILE - 1))
+    down = (corners[:, 2] - corners[:, 0] + corners[:, 3] - corners[:, 1]) / (2 * (_TILE - 1))
     singular = np.linalg.svd(np.nan_to_num(np.stack([along, down], axis=1)), compute_uv=False)
     comparable: BoolArray = (singular[:, 1] > 1 / _SCALE_RANGE) & (singular[:, 0] < _SCALE_RANGE)
     return comparable

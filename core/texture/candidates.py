@@ -27,6 +27,7 @@ class CandidateTable:
         self.pixel = np.zeros((face_count, slots, 2), dtype=np.uint16)
         self.colour = np.zeros((face_count, slots, 3), dtype=np.uint8)
         self.seen_by = np.zeros(face_count, dtype=np.int16)
+        self._index: tuple[IndexArray, IndexArray] | None = None
 
     @property
     def slots(self) -> int:
@@ -41,6 +42,7 @@ class CandidateTable:
 
     def add(self, view: int, seen: VisibleFaces, cost: Float32Array, samples: PhotoSamples) -> None:
         """Enter a photo where it beats the worst of the slots. Ties keep the earlier photo."""
+        self._index = None
         self.seen_by[seen.face] += 1
         slot = np.argmax(self.cost[seen.face], axis=1)
         better = cost < self.cost[seen.face, slot]
@@ -49,13 +51,22 @@ class CandidateTable:
         self.cost[at] = cost[better]
         self.texel[at] = seen.texel[better]
         self.colour[at] = samples.colour[better]
-        centre = seen.uv[better].mean(axis=1)
-        self.pixel[at] = np.clip(np.rint(centre), 0, 65535).astype(np.uint16)
+        self.pixel[at] = np.clip(np.rint(seen.centre[better]), 0, 65535).astype(np.uint16)
 
     def of_view(self, view: int) -> tuple[IndexArray, IndexArray]:
         """Faces and slots where `view` is a candidate: (n,), (n,)."""
-        face, slot = np.nonzero(self.view == view)
-        return face, slot
+        if self._index is None:
+            flat = self.view.ravel()
+            order: IndexArray = np.argsort(flat, kind="stable")
+            bounds: IndexArray = np.searchsorted(flat[order], np.arange(int(flat.max(initial=-1)) + 2))
+            self._index = order, bounds
+        else:
+            order, bounds = self._index
+        if view + 1 >= len(bounds):
+            return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+        at = order[bounds[view] : bounds[view + 1]]
+        at = at[self.view.ravel()[at] == view]  # some may have been dropped since
+        return at // self.slots, at % self.slots
 
     def drop(self, face: IndexArray | BoolArray, slot: IndexArray | slice = slice(None)) -> None:
         """Empty slots."""

@@ -39,9 +39,9 @@ def consensus(table: CandidateTable, colours: ByteArray) -> Consensus:
     for start in range(0, len(colours), _ROWS):
         rows = slice(start, start + _ROWS)
         part = np.where(table.filled[rows][..., None], colours[rows], np.uint8(255))
-        part.sort(axis=1)
+        ordered = np.sort(np.ascontiguousarray(part.transpose(0, 2, 1)), axis=2)
         at = np.maximum(count[rows] - 1, 0) // 2
-        middle[rows] = np.take_along_axis(part, at[:, None, None], axis=1)[:, 0]
+        middle[rows] = np.take_along_axis(ordered, at[:, None, None], axis=2)[..., 0]
     return Consensus(middle, count)
 
 

@@ -87,7 +87,7 @@ def patch_detail(photo: ByteArray, scale: float, seen: VisibleFaces, patch_size:
     """Detail on the patches (runs of `patch_size` faces) that a photo read at `scale` sees."""
     grids = detail_grids(photo)
     per_pixel = scale * np.array([grids.shape[1] / photo.shape[1], grids.shape[0] / photo.shape[0]])
-    centre = (seen.uv.mean(axis=1) + 0.5) * per_pixel - 0.5
+    centre = (seen.centre + 0.5) * per_pixel - 0.5
     values = sample_image(grids, centre).astype(np.float64)
     number = seen.face // patch_size
     patch, index, count = np.unique(number, return_inverse=True, return_counts=True)

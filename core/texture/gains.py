@@ -49,10 +49,13 @@ def corrected_colours(table: CandidateTable, gain: FloatArray) -> ByteArray:
     """Colours of the candidates after the gains (V,3): (F,K,3) sRGB."""
     codes = to_linear(np.arange(256, dtype=np.uint8))[None, :, None] * gain[:, None, :]
     lookup = to_bytes(to_srgb(codes))  # (V,256,3)
-    out = np.empty_like(table.colour)
-    view = np.maximum(table.view, 0)
-    for channel in range(3):
-        out[..., channel] = lookup[view, table.colour[..., channel], channel]
+    out = table.colour.copy()
+    for view in range(len(gain)):
+        at = table.of_view(view)
+        colour = table.colour[at]
+        for channel in range(3):
+            colour[:, channel] = lookup[view, :, channel][colour[:, channel]]
+        out[at] = colour
     return out
 
 

@@ -21,7 +21,9 @@ from .surface import Surface
 
 _WORST = 4.0
 """Costs beyond this many octaves above a face's best photo do not matter any more."""
-_SWEEPS = 4
+_HOPELESS = 2.5
+"""A photo so many octaves worse than a face's best is not tried there."""
+_SWEEPS = 3
 _SETTLED = 2e-4
 """Share of faces changed by a sweep below which the labelling counts as settled."""
 _SURROUNDINGS = 8
@@ -68,11 +70,14 @@ class _Expansion:
     def __init__(
         self, surface: Surface, table: CandidateTable, colours: ByteArray, slot: IndexArray, smoothness: float
     ) -> None:
-        self.view, self.colours, self.slot = table.view, colours, slot.astype(np.int64)
+        self.table, self.view, self.colours = table, table.view, colours
+        self.slot = slot.astype(np.int64)
         lowest = table.cost.min(axis=1, keepdims=True)
         with np.errstate(invalid="ignore"):
-            above = np.minimum(table.cost - lowest, _WORST)
-        self.data: Float32Array = above * surface.area[:, None]
+            self.above: Float32Array = np.minimum(table.cost - lowest, _WORST)
+        self.area = surface.area
+        self.node = np.full(len(slot), -1, dtype=np.int32)  # number in the current graph, -1 elsewhere
+        self.alpha_slot = np.zeros(len(slot), dtype=np.int8)
         pairs, length = _seam_edges(surface, np.isfinite(lowest[:, 0]))
         self.first, self.second, self.length = pairs.face[:, 0], pairs.face[:, 1], length
         self.edges = _EdgesOfFaces(pairs, len(slot))
@@ -103,16 +108,16 @@ class _Expansion:
 
     def expand(self, alpha: int) -> None:
         """Hand the best set of faces over to photo `alpha`."""
-        face, slot = np.nonzero(self.view == alpha)
-        is_open = (self.slot[face] != slot) & self.active[face]
+        face, slot = self.table.of_view(alpha)
+        is_open = (self.slot[face] != slot) & self.active[face] & (self.above[face, slot] < _HOPELESS)
         face, slot = face[is_open], slot[is_open]
         if len(face) == 0:
             return
-        node = np.full(len(self.slot), -1, dtype=np.int32)
+        node, alpha_slot = self.node, self.alpha_slot
         node[face] = np.arange(len(face))
-        alpha_slot = np.zeros(len(self.slot), dtype=np.int8)
         alpha_slot[face] = slot
-        unary = (self.data[face, slot] - self.data[face, self.slot[face]]).astype(np.float64)
+        difference = self.above[face, slot] - self.above[face, self.slot[face]]
+        unary = (difference * self.area[face]).astype(np.float64)
         graph = maxflow.GraphFloat(len(face), 2 * len(face))
         graph.add_nodes(len(face))
         self._add_edges(graph, unary, node, self.edges.around(face, node, self.first), alpha, alpha_slot)
@@ -121,6 +126,7 @@ class _Expansion:
         moved = np.flatnonzero(graph.get_grid_segments(np.arange(len(face))))
         self.slot[face[moved]] = slot[moved]
         self.changed[face[moved]] = True
+        node[face] = -1
 
     def _add_edges(
         self,

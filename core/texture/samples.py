@@ -14,6 +14,8 @@ from .visibility import VisibleFaces, triangle_areas
 
 _SMALLEST = 1 / 16
 """Smallest scale at which a photo is sampled."""
+_SIZED = 10_000
+"""Faces whose size decides at which scale."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,9 +30,10 @@ def sample_photo(
     photo: ByteArray, scale: float, seen: VisibleFaces, settings: TextureSettings
 ) -> PhotoSamples:
     """Mean colour and burnt-out share of each face in a photo (H,W,3) read at `scale`."""
-    side = scale * float(np.sqrt(np.median(triangle_areas(seen.uv))))
+    some = seen.uv[:: max(1, len(seen) // _SIZED)]
+    side = scale * float(np.sqrt(np.median(triangle_areas(some))))
     factor = float(np.clip(0.5 ** np.floor(np.log2(max(side, 1.0))), _SMALLEST, 1))
-    at = (seen.uv.mean(axis=1) + 0.5) * (scale * factor) - 0.5
+    at = (seen.centre + 0.5) * (scale * factor) - 0.5
     brightest = cv2.max(cv2.max(photo[..., 0], photo[..., 1]), photo[..., 2])
     burnt = cv2.threshold(brightest, settings.clipped_level - 1, 255, cv2.THRESH_BINARY)[1]
     clipped = sample_image(_reduced(burnt, factor), at).astype(np.float32) / np.float32(255)

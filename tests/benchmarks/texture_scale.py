@@ -1,4 +1,4 @@
-"""Time and memory of choosing photos: `python tests/benchmarks/texture_scale.py 1 24` (million faces, photos)."""
+"""Time and memory of choosing photos: `python tests/benchmarks/texture_scale.py 1 24` (10⁶ faces, photos)."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def main(millions: float, photos: int) -> None:
             copy.symlink_to(photo)
             views.append(replace(pose, image=copy, name=copy.name))
         print(
-            f"{len(mesh[1])} faces, {photos} photos of {SIZE[0]} x {SIZE[1]}, {photo.stat().st_size >> 20} MB each"
+            f"{len(mesh[1])} faces, {photos} photos of {SIZE[0]} x {SIZE[1]}, {photo.stat().st_size >> 20} MB"
         )
         run(mesh, views, Path(folder))
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cache
+
+import cv2
 import numpy as np
 from fresco.core.arrays import ByteArray, FloatArray, IntArray
 from fresco.core.cameras import Camera, PerspectiveCamera
 from fresco.core.geometry.rays import RayCaster
 from fresco.core.photos import View
-from fresco.core.texture.images import to_bytes, to_srgb
+from fresco.core.texture.images import sample_image, to_bytes, to_srgb
 
 
 def grid_mesh(
@@ -72,6 +75,23 @@ def paint(points: FloatArray, roughness: int = 5) -> FloatArray:
     return 0.4 + 0.35 * np.tanh(0.5 * colour)
 
 
+@cache
+def _plaster() -> np.ndarray:
+    """A picture with detail at every scale, 8 m wide."""
+    random = np.random.default_rng(9)
+    total = np.zeros((1024, 1024, 3), np.float32)
+    for octave in range(2, 9):
+        noise = random.normal(size=(2**octave, 2**octave, 3)).astype(np.float32)
+        total += 0.75**octave * cv2.resize(noise, (1024, 1024), interpolation=cv2.INTER_CUBIC)
+    return 0.4 + 0.33 * np.tanh(total)
+
+
+def detailed(points: FloatArray) -> FloatArray:
+    """Linear colours (N,3) of world points with detail down to centimetres; quick."""
+    at = np.stack([points[:, 0] + 0.7 * points[:, 2], points[:, 1]], axis=1) * 128.0 + 512.0
+    return sample_image(_plaster(), at).astype(float)
+
+
 def photograph(
     camera: Camera, rotation, translation, mesh, exposure=(1.0, 1.0, 1.0), painter=paint, samples: int = 2
 ) -> ByteArray:
@@ -96,7 +116,15 @@ def photograph(
     return image.reshape(camera.height, camera.width, 3)
 
 
-def wall_views(mesh, centres, exposures=None, focal: float = 300.0, size=(320, 240), target=(0.0, 0.0, 0.0)):
+def wall_views(
+    mesh,
+    centres,
+    exposures=None,
+    focal: float = 300.0,
+    size=(320, 240),
+    target=(0.0, 0.0, 0.0),
+    painter=paint,
+):
     """Perspective photos of a mesh from several places, all looking at `target`."""
     width, height = size
     camera = PerspectiveCamera(
@@ -106,6 +134,6 @@ def wall_views(mesh, centres, exposures=None, focal: float = 300.0, size=(320, 2
     for number, centre in enumerate(centres):
         rotation, translation = look_at(centre, target)
         exposure = np.broadcast_to(1.0 if exposures is None else exposures[number], (3,))
-        image = photograph(camera, rotation, translation, mesh, exposure)
+        image = photograph(camera, rotation, translation, mesh, exposure, painter)
         views.append(View(camera, rotation, translation, image, f"p{number}"))
     return views
