@@ -76,7 +76,7 @@ def chart_around(rays: FloatArray) -> Chart:
 
     Gnomonic where the bundle is narrower than `GNOMONIC_LIMIT` about its axis, equal-area beyond.
     """
-    axis = _bundle_axis(rays)
+    axis = _bundle_axis(rays[:: max(1, len(rays) // 200)])
     rotation = rotation_between(axis, np.array([0.0, 0.0, 1.0]))
     narrow = float(np.min(rays @ axis)) > np.cos(GNOMONIC_LIMIT)
     plain = Chart(rotation, np.zeros(2), 1.0, not narrow)

@@ -97,21 +97,25 @@ def _pose(problem: Problem, fit: OutlineFit) -> RegionPose:
 def distinct(candidates: Candidates) -> Candidates:
     """Candidates, best first, without repetitions."""
     ordered = candidates.sorted()
+    ordered = ordered[np.flatnonzero(np.isfinite(ordered.costs))]
+    trace = np.einsum("aij,bij->ab", ordered.rotations, ordered.rotations)
+    near = trace > 1.0 + 2.0 * np.cos(APART)  # trace of a rotation: 1 + 2 cos(angle)
     kept: list[int] = []
     for index in range(len(ordered)):
-        if not np.isfinite(ordered.costs[index]):
-            break
-        if all(_angle(ordered, index, other) > APART for other in kept):
+        if not np.any(near[index, kept]):
             kept.append(index)
     return ordered[np.array(kept, dtype=np.int64)]
 
 
+def unlike(candidates: Candidates, known: Candidates) -> Candidates:
+    """Candidates that are not among those known."""
+    trace = np.einsum("aij,bij->ab", candidates.rotations, known.rotations)
+    return candidates[np.flatnonzero(np.all(trace <= 1.0 + 2.0 * np.cos(APART), axis=1))]
+
+
 def plausible(costs: FloatArray, equations: int, limit: float) -> IndexArray:
     """Indices of candidates whose cost exceeds the least by at most `limit` of its own noise variance."""
-    noise = costs.min() / max(equations - 6, 1)
-    chosen: IndexArray = np.flatnonzero(costs - costs.min() <= limit * noise)
+    least = costs.min(initial=np.inf)
+    noise = least / max(equations - 6, 1)
+    chosen: IndexArray = np.flatnonzero(costs - least <= limit * noise)
     return chosen
-
-
-def _angle(candidates: Candidates, one: int, other: int) -> float:
-    return float(rotation_angle(candidates.rotations[one] @ candidates.rotations[other].T))

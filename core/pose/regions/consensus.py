@@ -79,7 +79,7 @@ def search_consensus(
     offsets: Offsets, covariance: FloatArray, generator: np.random.Generator, near: float = NEAR
 ) -> Consensus:
     """Draw poses from `covariance` (6,6), let the best climb by reweighted least squares, rank."""
-    spread = np.linalg.cholesky(covariance)
+    spread = _square_root(covariance)
     slope = offsets.jacobian @ spread
     choices = [np.ascontiguousarray(column) for column in offsets.values.T]
     draws = STRETCH * generator.standard_normal((DRAWS, 6))
@@ -93,6 +93,14 @@ def search_consensus(
     shares = np.mean(np.abs(_nearest(choices, climbers @ slope.T)) < near, axis=1)
     order = np.argsort(-shares)
     return Consensus(climbers[order] @ spread.T, shares[order])
+
+
+def _square_root(covariance: FloatArray) -> FloatArray:
+    """Matrix A (6,6) with `A Aᵀ = covariance`, also where rounding made that slightly indefinite."""
+    sigma = np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance / np.outer(sigma, sigma))
+    root: FloatArray = sigma[:, None] * vectors * np.sqrt(np.maximum(values, 1e-12))
+    return root
 
 
 def _nearest(choices: Sequence[FloatArray], shift: FloatArray) -> FloatArray:

@@ -58,9 +58,7 @@ class Match:
     nearest: IndexArray
 
 
-def image_contour(
-    loops: Sequence[FloatArray], hidden: BoolArray | None, half_width: int
-) -> ImageContour:
+def image_contour(loops: Sequence[FloatArray], hidden: BoolArray | None, half_width: int) -> ImageContour:
     """Smooth outlines (n,2) of pixel coordinates; where `hidden` (H,W) is near, they do not count."""
     points, normals = [], []
     for loop in loops:
@@ -180,7 +178,7 @@ def _length(loop: FloatArray) -> float:
 
 
 def lock_ratio(distances: FloatArray, near: float) -> float:
-    """Density of distances below `near` px over that up to five times as far: high where outlines coincide."""
+    """Density of distances below `near` px over that up to five times as far; high in the right place."""
     size = np.abs(distances)
     inside = np.count_nonzero(size < near)
     outside = np.count_nonzero((size >= near) & (size < 5 * near))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...arrays import FloatArray
+from ...arrays import FloatArray, IndexArray
 from ...geometry.rigid import skew
 from .contour import ContourPair, Match, robust_weights
 from .moment_pair import MomentPair
@@ -32,13 +32,13 @@ def moment_covariance(
 
 
 def outline_covariance(
-    pairs: Sequence[ContourPair], matches: Sequence[Match], scale: float
+    pairs: Sequence[ContourPair], matches: Sequence[Match], scale: float, bias: float
 ) -> FloatArray:
     """Covariance (6,6) of (turn about the origin, shift) from the distances left between outlines.
 
     Errors hang together along a stretch of boundary, so that stretches, not samples, count as independent:
-    the sandwich `H⁻¹ (Σ g gᵀ) H⁻¹` with one gradient g per stretch, plus the grain of the pixels. H is the
-    weighted `JᵀJ`, less what Geman-McClure weights lose of their slope at the distances met.
+    the sandwich `H⁻¹ (Σ g gᵀ) H⁻¹` with one gradient g per stretch, plus the grain of the pixels and a `bias`
+    (px) that whole stretches may have. H is the weighted `JᵀJ`, less what Geman-McClure weights lose of their slope at the distances met.
     Source: Huber 1981 (M-estimators); Liang and Zeger 1986 (stretches).
     """
     normal, spread, stretches = np.zeros((6, 6)), np.zeros((6, 6)), 0
@@ -51,14 +51,21 @@ def outline_covariance(
         squared = (distances / scale) ** 2
         weight += weights.sum()
         curvature += float(np.sum(weights * (1.0 - 3.0 * squared) / (1.0 + squared)))
-        gradients = np.zeros((int(pair.surface.block.max()) + 1, 6))
-        np.add.at(gradients, pair.surface.block, weighted * distances[:, None])
+        gradients = _per_stretch(pair.surface.block, weighted * distances[:, None])
+        lifts = bias * _per_stretch(pair.surface.block, weighted)
         stretches += np.count_nonzero(np.any(gradients != 0, axis=1))
-        spread += gradients.T @ gradients + GRAIN**2 * weighted.T @ weighted
+        spread += gradients.T @ gradients + lifts.T @ lifts + GRAIN**2 * weighted.T @ weighted
     inverse = stable_inverse(normal * max(curvature / weight, LEAST_CURVATURE))
     correction = stretches / max(stretches - 6, 1)
     covariance: FloatArray = correction * inverse @ spread @ inverse
     return covariance
+
+
+def _per_stretch(stretch: IndexArray, values: FloatArray) -> FloatArray:
+    """Sums (S,6) of values (n,6) over the stretches 0..S-1 they belong to (n,)."""
+    sums = np.zeros((int(stretch.max()) + 1, values.shape[1]))
+    np.add.at(sums, stretch, values)
+    return sums
 
 
 def stable_inverse(normal: FloatArray) -> FloatArray:

@@ -14,10 +14,11 @@ from ...regions import ImageRegion, SurfaceRegion
 from ...settings import PoseSettings
 from ..pose import Pose
 from .algebraic import Candidates, joined, moment_costs, refine_by_moments
-from .ambiguity import chosen, distinct, plausible
+from .ambiguity import chosen, distinct, plausible, unlike
 from .covariance import moment_covariance
-from .fitting import Contours, OutlineFit, fit_outlines
+from .fitting import LEVELS, Contours, OutlineFit, fit_outlines
 from .initial import starting_poses
+from .moment_pair import MomentPair
 from .problem import Problem, make_problem
 from .region_pose import RegionPose
 
@@ -26,6 +27,9 @@ MOST = 8
 
 MOST_FITTED = 4
 """Candidates whose outlines are fitted."""
+
+HOPELESS = 100.0
+"""Times the best cost after a few steps, from which a candidate is not followed."""
 
 PLAUSIBLE = 16.0
 """Cost above the best, in its noise variance, up to which another pose explains the regions as well."""
@@ -85,15 +89,25 @@ def estimate_pose_job(
     yield Progress(0.0, "Reading the regions' outlines")
     problem = make_problem(camera, photo, surfaces, paired)
     yield Progress(0.2, "Searching for poses that fit the regions")
-    candidates = _candidates(problem, up, initial)
+    candidates = _candidates(problem, problem.sketches[0], up, initial)
+    fits = yield from _fits(problem, candidates)
+    if len(problem.sketches) > 1 and not any(fit.near == LEVELS[0].near for fit in fits):
+        yield Progress(0.7, "Searching from every region")
+        others = _candidates(problem, problem.sketches[1], up, initial)
+        fits += yield from _fits(problem, unlike(others, candidates))
+    return chosen(problem, fits, initial, settings)
+
+
+def _fits(problem: Problem, candidates: Candidates) -> Job[list[OutlineFit]]:
+    """Candidates that explain the moments, after the outline stage."""
     fits: list[OutlineFit] = []
     contours = Contours(problem)
     for number, index in enumerate(_plausible(problem, candidates)):
-        yield Progress(0.5 + 0.1 * number, "Fitting the outlines")
+        yield Progress(0.4 + 0.1 * number, "Fitting the outlines")
         rotation, translation = candidates.rotations[index], candidates.translations[index]
         covariance = moment_covariance(problem.moments, rotation, translation)
         fits.append(fit_outlines(contours, rotation, translation, covariance))
-    return chosen(problem, fits, initial, settings)
+    return fits
 
 
 def _plausible(problem: Problem, candidates: Candidates) -> list[int]:
@@ -102,13 +116,15 @@ def _plausible(problem: Problem, candidates: Candidates) -> list[int]:
     return [int(k) for k in plausible(candidates.costs, equations, PLAUSIBLE)[:MOST_FITTED]]
 
 
-def _candidates(problem: Problem, up: ArrayLike | None, initial: Pose | None) -> Candidates:
-    """Distinct poses that fit the moments, best first."""
+def _candidates(
+    problem: Problem, sketches: Sequence[MomentPair], up: ArrayLike | None, initial: Pose | None
+) -> Candidates:
+    """Distinct poses that fit the moments, best first, from starts on some of the regions."""
     found = []
-    for pair in problem.moments:
+    for pair in sketches:
         for part in pair.parts:
             starts = starting_poses(pair.chart, pair.outline, part)
-            found.append(refine_by_moments([pair], starts, 8).sorted()[:MOST])
+            found.append(refine_by_moments([pair], starts, 8).sorted()[: 2 * MOST])
     if initial is not None:
         shifted = initial.rotation @ problem.origin + initial.translation
         found.append(Candidates(np.asarray(initial.rotation)[None], shifted[None], np.zeros(1)))
@@ -119,7 +135,9 @@ def _candidates(problem: Problem, up: ArrayLike | None, initial: Pose | None) ->
         raise PoseNotFound(
             "No camera position sees all regions at once: check that each has its right partner."
         )
-    fitted = distinct(refine_by_moments(problem.moments, several, 30))
+    fitted = distinct(refine_by_moments(problem.moments, several, 5))
+    fitted = fitted[np.flatnonzero(fitted.costs < HOPELESS * fitted.costs[0])][:MOST_FITTED]
+    fitted = distinct(refine_by_moments(problem.moments, fitted, 20))
     if up is not None:
         fitted = _upright(fitted, np.asarray(up, dtype=np.float64))
     return fitted

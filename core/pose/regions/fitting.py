@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,13 +23,15 @@ from .contour import (
 from .covariance import outline_covariance
 from .problem import Problem
 
+
 @dataclass(frozen=True)
 class Level:
     """How precisely outlines are expected to coincide.
 
-    `near` (px): as close as they come where both are right; `half_width`: samples on either side of a local fit;
-    `alike`: least cosine of normals that match; `block`: pixels of boundary whose errors hang together;
-    `ratio` and `share`: lock ratio and share of the boundary near the outline that wrong fits do not reach.
+    `near` (px): as close as they come where both are right; `half_width`: samples on either side of a local
+    fit; `alike`: least cosine of normals that match; `block`: pixels of boundary whose errors hang together;
+    `ratio` and `share`: lock ratio and share of the boundary near the outline that wrong fits do not reach;
+    `bias`: what a stretch may be off as a whole (px), one standard deviation.
     """
 
     near: float
@@ -38,14 +40,21 @@ class Level:
     block: int
     ratio: float
     share: float
+    bias: float
 
 
 LEVELS = (
-    Level(0.7, 3, 0.85, 24, 5.0, 0.10),
-    Level(2.0, 10, 0.75, 200, 7.0, 0.50),
-    Level(4.0, 20, 0.70, 300, 14.0, 0.75),
+    Level(0.7, 3, 0.85, 24, 5.0, 0.10, 0.0),
+    Level(2.0, 10, 0.75, 200, 7.0, 0.50, 0.5),
+    Level(4.0, 20, 0.70, 300, 14.0, 0.75, 1.0),
 )
 """From outlines right to the pixel apart from slips to outlines drawn by hand round a jagged scan."""
+
+CLEAN = replace(LEVELS[0], half_width=7)
+"""Where there are no slips, wider local fits average the pixels' grain better."""
+
+CLEAN_SHARE = 0.85
+"""Share of the boundary on the outline from which there are no slips."""
 
 ALONE = 5.0
 """What one region alone must have more of the lock ratio; n regions the n-th part of it."""
@@ -61,8 +70,8 @@ SCALES = (1.5, 1.0, 0.7, 0.7, 0.7)
 class OutlineFit:
     """A candidate after the outline stage: pose from the problem's origin and its covariance (6,6).
 
-    Within `near` px the outlines coincide over a `share` of the boundary; `near` is infinite where they do not
-    coincide and the pose is the moments'. `front` whether all surface regions are seen from the side their faces are wound for.
+    Within `near` px the outlines coincide over a `share` of the boundary; `near` is infinite where they do
+    not and the pose is the moments'. `front`: all regions are seen from the side their faces are wound for.
     """
 
     rotation: FloatArray
@@ -99,7 +108,7 @@ class Contours:
 def fit_outlines(
     contours: Contours, rotation: FloatArray, translation: FloatArray, covariance: FloatArray
 ) -> OutlineFit:
-    """Search near a moment solution with its covariance (6,6) at one level after the other until outlines lock."""
+    """Search near a moment solution, its covariance (6,6) given, at one level after the other until one locks."""
     for level in LEVELS:
         fit = _fit_at(level, contours, rotation, translation, covariance)
         if fit.near < np.inf:
@@ -120,7 +129,11 @@ def _fit_at(
     front = all(pair.surface.front for pair in pairs)
     if lock_ratio(distances, level.near) < level.ratio + ALONE / len(pairs) or share < level.share:
         return OutlineFit(rotation, translation, covariance, share, np.inf, front)
-    spread = outline_covariance(pairs, matches, SCALES[-1] * level.near)
+    if level is LEVELS[0] and share > CLEAN_SHARE:
+        pairs = contours.pairs(CLEAN, turned, moved)
+        turned, moved = refine_by_contours(camera, pairs, turned, moved, SCALES[-3:])
+        matches = [match(camera, pair, turned, moved) for pair in pairs]
+    spread = outline_covariance(pairs, matches, SCALES[-1] * level.near, level.bias)
     return OutlineFit(turned, moved, spread, share, level.near, front)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,6 +35,16 @@ COLLINEAR = 2e-5
 """Boundary vertices this close to a straight line, as a share of the region's size, are left out."""
 
 
+SKETCHED = 4e-3
+"""The same for the first steps from a start."""
+
+MOST_WAYS = 64
+"""Pairs of unpaired regions that starts are sought from."""
+
+SKETCHED_LOOP = 0.1
+"""Share of the largest loop's area from which a loop counts in a sketch."""
+
+
 @dataclass(frozen=True, eq=False)
 class OutlinePair:
     """What should coincide in the photo: outlines (n,2) px, and boundaries of regions, each loops (n,3) m.
@@ -54,13 +64,15 @@ class Problem:
     """Regions of one photo relative to `origin` (3,) in the world, so that large coordinates cost no digits.
 
     `outlines` holds every pair of regions (unpaired: one pair over all), `moments` the equations of those
-    that are whole.
+    that are whole. `sketches` are pairs of single regions with coarse boundaries, for starts, in groups to be
+    tried one after the other; unpaired regions are paired in every way.
     """
 
     camera: Camera
     origin: FloatArray
     outlines: tuple[OutlinePair, ...]
     moments: tuple[MomentPair, ...]
+    sketches: tuple[tuple[MomentPair, ...], ...]
 
 
 def make_problem(
@@ -93,7 +105,26 @@ def make_problem(
     else:
         outlines = [_outline_pair(camera, edges, image_regions, surfaces)]
     whole = _usable_for_moments(outlines, image_regions)
-    return Problem(camera, origin, tuple(outlines), tuple(_moment_pair(camera, pair) for pair in whole))
+    moments = tuple(_moment_pair(camera, pair) for pair in whole)
+    if paired:
+        drawn = sorted(zip(moments, whole, strict=True), key=lambda both: -loop_area(both[1].outlines))
+        singles = [_sketch(*both) for both in drawn]
+        groups = (tuple(singles[:1]), tuple(singles[1:])) if len(singles) > 1 else (tuple(singles),)
+    else:
+        groups = (_every_way(camera, edges, image_regions, surfaces),)
+    return Problem(camera, origin, tuple(outlines), moments, groups)
+
+
+def _every_way(
+    camera: Camera,
+    edges: BoolArray,
+    image_regions: Sequence[ImageRegion],
+    surfaces: Sequence[tuple[FloatArray, ...]],
+) -> tuple[MomentPair, ...]:
+    """Sketches of each region of the photo with each of the surface."""
+    combinations = [([region], [loops]) for region in image_regions for loops in surfaces]
+    pairs = [_outline_pair(camera, edges, images, parts) for images, parts in combinations[:MOST_WAYS]]
+    return tuple(_sketch(_moment_pair(camera, pair), pair) for pair in pairs if not pair.partial)
 
 
 def open_edges(camera: Camera) -> BoolArray:
@@ -224,6 +255,16 @@ def _moment_pair(camera: Camera, pair: OutlinePair) -> MomentPair:
     return moment_pair(chart, loop_edges([chart.flatten(loop) for loop in rays]), parts)
 
 
+def _sketch(exact: MomentPair, pair: OutlinePair) -> MomentPair:
+    """Same equations with the large loops only, and these roughly."""
+    parts = []
+    for loops in pair.boundaries:
+        areas = [_space_area(loop) for loop in loops]
+        large = [loop for loop, area in zip(loops, areas, strict=True) if area > SKETCHED_LOOP * max(areas)]
+        parts.append(_simplified(large, exact.chart.equal_area, SKETCHED))
+    return replace(exact, parts=tuple(parts))
+
+
 def _with_short_steps(loop: FloatArray) -> FloatArray:
     """Outline with steps so short that it may be taken for straight in any lens."""
     steps = np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1)
@@ -235,10 +276,10 @@ def loop_edges(loops: Sequence[FloatArray]) -> Edges:
     return np.concatenate(list(loops)), np.concatenate([np.roll(loop, -1, axis=0) for loop in loops])
 
 
-def _simplified(loops: Sequence[FloatArray], curved_chart: bool) -> Edges:
+def _simplified(loops: Sequence[FloatArray], curved_chart: bool, tolerance: float = COLLINEAR) -> Edges:
     """Boundary edges without needless vertices; short ones where the chart bends straight lines."""
     size = float(np.linalg.norm(np.ptp(np.concatenate(list(loops)), axis=0)))
-    lean = [without_collinear(loop, COLLINEAR * size) for loop in loops]
+    lean = [without_collinear(loop, tolerance * size) for loop in loops]
     return loop_edges([subdivided(loop, size / 60) for loop in lean] if curved_chart else lean)
 
 
