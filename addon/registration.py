@@ -6,6 +6,7 @@ import bpy
 
 from . import cli, jobs, preferences, properties, settings
 from .operators import calibration, export, photos, pose, project, regions, scan, texture
+from .overlays import registration as overlays
 from .panels import base as base_panel
 from .panels import export as export_panel
 from .panels import photos as photos_panel
@@ -13,6 +14,7 @@ from .panels import pose as pose_panel
 from .panels import regions as regions_panel
 from .panels import scan as scan_panel
 from .panels import texture as texture_panel
+from .tools import registration as tools
 
 _MODULES = (
     jobs,
@@ -34,6 +36,8 @@ _MODULES = (
     pose_panel,
     texture_panel,
     export_panel,
+    tools,
+    overlays,
 )
 _commands: list[object] = []  # Blender's handles of registered commands
 _CLASSES = tuple(cls for module in _MODULES for cls in module.CLASSES)
@@ -45,12 +49,16 @@ def register() -> None:
         bpy.utils.register_class(cls)
     properties.attach()
     jobs.attach()
+    tools.attach()
+    overlays.attach()
     _commands.append(bpy.utils.register_cli_command("fresco", cli.blender_command))
 
 
 def unregister() -> None:
     """Undo `register`, in reverse."""
     bpy.utils.unregister_cli_command(_commands.pop())
+    overlays.detach()
+    tools.detach()
     jobs.detach()
     properties.detach()
     for cls in reversed(_CLASSES):
