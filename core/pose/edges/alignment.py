@@ -16,6 +16,9 @@ from .scan_edges import ScanEdges
 SAMPLES_PER_PIXEL = 2
 """Samples of the photo's edges per pixel along a normal."""
 
+MATCH_SIGMA = 0.5
+"""Standard deviation (px) of one match of an edge."""
+
 CELLS = 8
 """The photo is cut into so many cells a side; errors within one are alike."""
 
@@ -32,7 +35,7 @@ class PosePrior:
         """Information (6,6) and gradient (6,) at another pose; a far one is pulled less (Cauchy)."""
         information = invert_scaled(self.covariance)
         step = np.concatenate([log_so3(rotation @ self.rotation.T), centre - self.centre])
-        weight = 1.0 / (1.0 + float(step @ information @ step) / 6.0 / 4.0)
+        weight = 1.0 / (1.0 + float(step @ information @ step) / 24.0)
         return weight * information, weight * information @ step
 
 
@@ -77,56 +80,39 @@ def match_edges(
     return Matches(distance, weight / SAMPLES_PER_PIXEL)
 
 
+@dataclass(frozen=True, eq=False)
+class Photo:
+    """One image level: its camera, its edges, and what may be wrong with matches there.
+
+    `search`: reach of the matching (px); `bias`: standard deviation (px) that the edges of one cell share.
+    """
+
+    camera: Camera
+    field: EdgeField
+    search: float
+    bias: float
+
+
 def align_edges(
-    camera: Camera,
-    field: EdgeField,
+    photo: Photo,
     edges: ScanEdges,
     rotation: FloatArray,
     centre: FloatArray,
     prior: PosePrior,
     widths: tuple[float, ...],
-    search: float,
 ) -> Alignment:
     """Gauss-Newton steps with ever narrower matching. Source: method.md 2.6, eq. 3.31."""
     for width in widths:
-        inflation = _disagreement(camera, field, edges, rotation, centre, width, search)
-        for _ in range(6):
-            system = _linearise(camera, field, edges, rotation, centre, width, search)
-            step = _fused_step(system, inflation, prior, rotation, centre)
+        for _ in range(8):
+            system = _linearise(photo, edges, rotation, centre, width)
+            step = _fused_step(system, prior, rotation, centre)
             rotation, centre = step_pose(rotation, centre, step)
             if float(np.abs(system.jacobian @ step).mean()) < 0.02:
                 break
-    system = _linearise(camera, field, edges, rotation, centre, widths[-1], search)
-    inflation = _disagreement(camera, field, edges, rotation, centre, widths[-1], search)
+    system = _linearise(photo, edges, rotation, centre, widths[-1])
     information, _ = prior.pull(rotation, centre)
-    covariance = invert_scaled(system.hessian / inflation + information)
+    covariance = invert_scaled(system.hessian / system.inflation + information)
     return Alignment(rotation, centre, covariance, system.matched, system.cells)
-
-
-def _disagreement(
-    camera: Camera,
-    field: EdgeField,
-    edges: ScanEdges,
-    rotation: FloatArray,
-    centre: FloatArray,
-    width: float,
-    search: float,
-) -> float:
-    """Factor between the inverse normal matrix at `width` and the covariance, from the cells' disagreement.
-
-    Judged with wide matching: a narrow one finds some edge near every place and hides what a whole cell is
-    off. Edges of one cell err together (a worn cornice, a shadow), so the cells' pulls are the independent
-    ones.
-    Source: cluster-robust ("sandwich") variance, Liang and Zeger 1986, reduced to its mean over the unknowns.
-    """
-    wide = _linearise(camera, field, edges, rotation, centre, max(width, search / 2), search)
-    narrow = _linearise(camera, field, edges, rotation, centre, width, search)
-    ratio = np.trace(invert_scaled(wide.hessian) @ narrow.hessian) / 6.0
-    pulls = np.zeros((CELLS * CELLS, 6))
-    np.add.at(pulls, wide.cell, wide.pulls)
-    used = np.unique(wide.cell)
-    spread = pulls[used].T @ pulls[used] * len(used) / max(len(used) - 6, 1)
-    return max(float(ratio * np.trace(invert_scaled(wide.hessian) @ spread)) / 6.0, 1e-9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,28 +130,47 @@ class _System:
         """Cells of the photo that hold the pose."""
         return int((np.bincount(self.cell, minlength=1) >= 5).sum())
 
+    @property
+    def inflation(self) -> float:
+        """Factor on the covariance from the disagreement between cells, at least 1.
+
+        Source: cluster-robust ("sandwich") variance, Liang and Zeger 1986, its mean over the unknowns.
+        """
+        sums = np.zeros((CELLS * CELLS, 6))
+        np.add.at(sums, self.cell, self.pulls)
+        used = len(np.unique(self.cell))
+        spread = sums.T @ sums * used / max(used - 6, 1)
+        return max(1.0, float(np.trace(invert_scaled(self.hessian) @ spread)) / 6.0)
+
 
 def _linearise(
-    camera: Camera,
-    field: EdgeField,
-    edges: ScanEdges,
-    rotation: FloatArray,
-    centre: FloatArray,
-    width: float,
-    search: float,
+    photo: Photo, edges: ScanEdges, rotation: FloatArray, centre: FloatArray, width: float
 ) -> _System:
     in_camera = camera_points(rotation, centre, edges.points)
-    pixels, by_point = camera.project_with_jacobian(in_camera)
-    usable = np.isfinite(pixels).all(axis=1) & camera.in_frame(pixels, margin=2.0)
+    pixels, by_point = photo.camera.project_with_jacobian(in_camera)
+    usable = np.isfinite(pixels).all(axis=1) & photo.camera.in_frame(pixels, margin=2.0)
     pixels, normals = pixels[usable], edges.normals[usable]
     by_pose = by_point[usable] @ camera_point_jacobian(rotation, in_camera[usable])
     jacobian = np.einsum("ni,nik->nk", normals, by_pose)
-    matches = match_edges(field, pixels, normals, width, search)
-    weight = matches.weight * edges.strength[usable]
+    matches = match_edges(photo.field, pixels, normals, width, photo.search)
+    cell = _cells(photo.camera, pixels)
+    weight = _weights(matches.weight * edges.strength[usable], cell, photo.bias)
     hessian = (jacobian * weight[:, None]).T @ jacobian
     pulls = (weight * -matches.distance)[:, None] * jacobian
-    matched = float((matches.weight > 0.25).sum())
-    return _System(jacobian, hessian, pulls, _cells(camera, pixels), matched)
+    return _System(jacobian, hessian, pulls, cell, float((matches.weight > 0.25).sum()))
+
+
+def _weights(strength: FloatArray, cell: IndexArray, bias: float) -> FloatArray:
+    """Information (1/px^2) of each match.
+
+    Edges of one cell err together (a worn cornice, a shadow, coarse triangles): however many they are, they
+    never tell more than their common `bias` allows.
+    """
+    usual = float(np.median(strength[strength > 0])) if (strength > 0).any() else 1.0
+    count = np.minimum(strength / usual, 2.0)
+    total = np.bincount(cell, count, minlength=CELLS * CELLS)
+    weight: FloatArray = count / (MATCH_SIGMA**2 + bias**2 * total[cell])
+    return weight
 
 
 def _cells(camera: Camera, pixels: FloatArray) -> IndexArray:
@@ -175,31 +180,23 @@ def _cells(camera: Camera, pixels: FloatArray) -> IndexArray:
     return out
 
 
-def _fused_step(
-    system: _System, inflation: float, prior: PosePrior, rotation: FloatArray, centre: FloatArray
-) -> FloatArray:
+def _fused_step(system: _System, prior: PosePrior, rotation: FloatArray, centre: FloatArray) -> FloatArray:
     information, pull = prior.pull(rotation, centre)
+    inflation = system.inflation
     hessian = system.hessian / inflation + information
     return -solve_scaled(hessian, system.pulls.sum(axis=0) / inflation + pull, damping=1e-9)
 
 
-def edge_agreement(
-    camera: Camera,
-    field: EdgeField,
-    edges: ScanEdges,
-    rotation: FloatArray,
-    centre: FloatArray,
-    search: float,
-) -> float:
+def edge_agreement(photo: Photo, edges: ScanEdges, rotation: FloatArray, centre: FloatArray) -> float:
     """How much stronger the photo's edges are where the scan's fall than beside them; 1: no relation."""
-    pixels = camera.project(camera_points(rotation, centre, edges.points))
-    usable = np.isfinite(pixels).all(axis=1) & camera.in_frame(pixels, margin=2.0)
+    pixels = photo.camera.project(camera_points(rotation, centre, edges.points))
+    usable = np.isfinite(pixels).all(axis=1) & photo.camera.in_frame(pixels, margin=2.0)
     if not usable.any():
         return 0.0
     normals = edges.normals[usable]
-    reach = np.linspace(-search, search, 8 * int(search) + 1)
+    reach = np.linspace(-photo.search, photo.search, 8 * int(photo.search) + 1)
     samples = pixels[usable][:, None, :] + reach[:, None] * normals[:, None, :]
-    strength = np.maximum(field.along(samples, normals), 0.0) * edges.strength[usable][:, None]
+    strength = np.maximum(photo.field.along(samples, normals), 0.0) * edges.strength[usable][:, None]
     centred = np.exp(-0.5 * reach**2)
     here = float((strength @ centred).sum()) / float(centred.sum())
     return here / max(float(strength.mean(axis=1).sum()), 1e-9)

@@ -13,6 +13,9 @@ from ...arrays import BoolArray, ByteArray, Float32Array, FloatArray
 NEIGHBOURHOOD = 12.0
 """Pixels over which edges are compared with their neighbours: contrast differs over a photo."""
 
+FAINTEST = 0.01
+"""Change of brightness per pixel, as a share of it, that is hardly an edge: noise is below it."""
+
 STRONGEST = 3.0
 """An edge counts at most so many times the mean of its neighbourhood."""
 
@@ -57,7 +60,7 @@ def photo_edge_field(photo: ByteArray, mask: BoolArray | None, scale: float = 1.
     smooth = cv2.GaussianBlur(logarithm, (0, 0), scale)
     xx, yy, xy = structure_tensor(smooth[..., k] for k in range(3))
     magnitude = np.sqrt(xx + yy)
-    usual = cv2.GaussianBlur(magnitude, (0, 0), NEIGHBOURHOOD) + 2e-3
+    usual = cv2.GaussianBlur(magnitude, (0, 0), NEIGHBOURHOOD) + FAINTEST
     strength = np.minimum(magnitude / usual, STRONGEST)
     if mask is not None:
         usable = cv2.erode(mask.astype(np.uint8), np.ones((5, 5), np.uint8), borderValue=[1.0])

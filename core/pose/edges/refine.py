@@ -7,20 +7,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...arrays import ArrayLike, FloatArray
-from ...cameras.base import Camera
 from ...cameras.resolution import angular_resolution
 from ...jobs import Job, Progress, drain
 from ...photos.view import View
 from ...settings import EdgeSettings
 from ..points.pictures import read_view, read_view_mask
 from ..pose import Pose
-from .alignment import Alignment, PosePrior, align_edges, edge_agreement
-from .photo_edges import EdgeField, photo_edge_field
+from .alignment import Alignment, Photo, PosePrior, align_edges, edge_agreement
+from .photo_edges import photo_edge_field
 from .rendering import Scan
 from .scan_edges import ScanEdges, find_scan_edges
 
 COARSEST = 480.0
 """Longer side (pixels) below which the finest level is not reduced, however coarse the scan is."""
+
+
+ROUGH = 10.0
+"""Angle (degrees) between faces and averaged normals at which a scan counts as noisy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,54 +79,51 @@ def refine_pose_by_edges_job(
     prior = _prior(view, origin, settings)
     rotation, centre = prior.rotation, prior.centre
     rng = np.random.default_rng(settings.seed)
-    rounds = _rounds(_finest_scale(view, prior, scan, settings), settings)
-    alignment, level = None, None
+    triangle = _triangle_size(view, prior, scan)
+    rounds = _rounds(_finest_scale(view, triangle, settings), settings)
+    alignment, photo, last_scale = None, None, 0.0
     for number, (scale, widths) in enumerate(rounds):
         yield Progress(0.1 + 0.8 * number / len(rounds), f"Aligning edges at {scale:.0%} of the photo")
-        level = _level(view, scale, level)
-        edges = find_scan_edges(level.camera, rotation, centre, scan, settings)
+        if photo is None or scale != last_scale:
+            photo, last_scale = _photo(view, scale, triangle, scan, settings), scale
+        edges = find_scan_edges(photo.camera, rotation, centre, scan, settings)
         fit, _ = _divided(edges, settings, rng)
-        alignment = align_edges(
-            level.camera, level.field, fit, rotation, centre, prior, widths, settings.search
-        )
+        alignment = align_edges(photo, fit, rotation, centre, prior, widths)
         rotation, centre = alignment.rotation, alignment.centre
     yield Progress(0.9, "Comparing with the pose before")
-    assert level is not None and alignment is not None
-    return _decide(view, origin, level, scan, prior, alignment, settings)
+    assert photo is not None and alignment is not None
+    return _decide(view, origin, photo, scan, prior, alignment, settings)
 
 
-@dataclass(frozen=True, eq=False)
-class _Level:
-    scale: float
-    camera: Camera
-    field: EdgeField
+def _photo(view: View, scale: float, triangle: float, scan: Scan, settings: EdgeSettings) -> Photo:
+    """The photo's edges at `scale`; `triangle`: side of the scan's triangles in pixels of the full photo.
 
-
-def _level(view: View, scale: float, last: _Level | None) -> _Level:
-    if last is not None and last.scale == scale:
-        return last
+    A noisy scan has lost its edges within half a triangle; a smooth one holds them better.
+    """
     field = photo_edge_field(read_view(view, scale), read_view_mask(view, scale))
-    return _Level(scale, view.camera.scaled(scale), field)
+    lost = 0.5 * triangle * scale * min(1.0, scan.noise / np.radians(ROUGH))
+    return Photo(view.camera.scaled(scale), field, settings.search, max(float(lost), 0.2))
 
 
-def _finest_scale(view: View, prior: PosePrior, scan: Scan, settings: EdgeSettings) -> float:
-    """Largest image scale that makes sense: pixels not finer than the scan's triangles."""
+def _triangle_size(view: View, prior: PosePrior, scan: Scan) -> float:
+    """Median side of the scan's triangles as seen from the pose, in pixels of the full photo."""
     camera = view.camera
-    largest = max(camera.width, camera.height)
-    scale = min(1.0, settings.photo_size / largest)
-    grid = np.stack(
-        np.meshgrid(np.linspace(0, camera.width - 1, 48), np.linspace(0, camera.height - 1, 48)), -1
-    )
-    pixels = grid.reshape(-1, 2)
+    columns, rows = np.linspace(0, camera.width - 1, 48), np.linspace(0, camera.height - 1, 48)
+    pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
     hits = scan.caster.first_hit(prior.centre, camera.unproject(pixels) @ prior.rotation)
     struck = hits.face >= 0
     if not struck.any():
-        return scale
+        return 1.0
     corners = scan.vertices[scan.faces[hits.face[struck]]]
     side = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
-    pixel = angular_resolution(camera, pixels[struck])
-    triangle_pixels = np.nanmedian(side / hits.distance[struck] / pixel)
-    return float(np.clip(1.0 / triangle_pixels, min(COARSEST / largest, scale), scale))
+    return float(np.nanmedian(side / hits.distance[struck] / angular_resolution(camera, pixels[struck])))
+
+
+def _finest_scale(view: View, triangle: float, settings: EdgeSettings) -> float:
+    """Largest image scale that makes sense: pixels not finer than the scan's triangles."""
+    largest = max(view.camera.width, view.camera.height)
+    scale = min(1.0, settings.photo_size / largest)
+    return float(np.clip(1.0 / triangle, min(COARSEST / largest, scale), scale))
 
 
 def _rounds(finest: float, settings: EdgeSettings) -> list[tuple[float, tuple[float, ...]]]:
@@ -162,19 +162,20 @@ def _divided(
 def _decide(
     view: View,
     origin: FloatArray,
-    level: _Level,
+    photo: Photo,
     scan: Scan,
     prior: PosePrior,
     alignment: Alignment,
     settings: EdgeSettings,
 ) -> EdgePose:
     """The refined pose, or the old one where the evidence is thin."""
-    scores = []
-    for rotation, centre in ((prior.rotation, prior.centre), (alignment.rotation, alignment.centre)):
-        edges = find_scan_edges(level.camera, rotation, centre, scan, settings)
-        held = _divided(edges, settings, np.random.default_rng(settings.seed))[1]
-        scores.append(edge_agreement(level.camera, level.field, held, rotation, centre, settings.search))
-    before, after = scores
+    poses = [(prior.rotation, prior.centre), (alignment.rotation, alignment.centre)]
+    rng = np.random.default_rng(settings.seed)
+    # both poses are judged by the edges seen from either
+    held = [
+        _divided(find_scan_edges(photo.camera, *pose, scan, settings), settings, rng)[1] for pose in poses
+    ]
+    before, after = (float(np.mean([edge_agreement(photo, e, *pose) for e in held])) for pose in poses)
     note = _reason_to_keep(alignment, before, after, settings)
     if note:
         return EdgePose(view.rotation, view.translation, prior.covariance, before, before, 0, note)

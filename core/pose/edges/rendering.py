@@ -8,9 +8,12 @@ import numpy as np
 
 from ...arrays import AnyArray, ArrayLike, BoolArray, FloatArray, IndexArray
 from ...cameras.base import Camera
-from ...geometry.meshes import vertex_normals
+from ...geometry.meshes import face_normals, vertex_normals
 from ...geometry.rays import RayCaster
 from ..points.smoothing import averaged_normals
+
+SMOOTH = np.radians(3.0)
+"""Largest noise of a scan whose normals are taken as they are."""
 
 ROWS = 64
 """Image rows that are cast at once."""
@@ -20,7 +23,8 @@ ROWS = 64
 class Scan:
     """A mesh made ready for rendering: vertices (V,3) m, faces (F,3), colours (V,C) of 0 to 255 or None.
 
-    Unit normals (V,3), averaged over neighbours: the noise of single faces makes no crease.
+    `normals`: unit normals at the corners of the faces (F,3,3), averaged over neighbours, where the scan is
+    noisy, else one per face (F,1,3). `noise`: median angle (rad) between a face and its vertices' normals.
     """
 
     vertices: FloatArray
@@ -28,14 +32,21 @@ class Scan:
     normals: FloatArray
     colors: FloatArray | None
     caster: RayCaster
+    noise: float
 
     @classmethod
     def of_mesh(cls, vertices: FloatArray, faces: ArrayLike, colors: ArrayLike | None = None) -> Scan:
         """Prepare vertices (V,3) m, faces (F,3) and colours (V,), (V,3) or (V,4), bytes or 0 to 1."""
         triangles = np.asarray(faces, dtype=np.int64)
-        normals = averaged_normals(vertex_normals(vertices, triangles), triangles, rounds=3)
+        flat, area = face_normals(vertices, triangles)
+        normals = vertex_normals(vertices, triangles)
+        cosine = np.einsum("fk,fk->f", flat, normals[triangles[:, 0]])[area > 0]
+        noise = float(np.median(np.arccos(np.clip(cosine, -1, 1)))) if len(cosine) else 0.0
+        # noise of single faces makes no crease; the creases of a clean scan stay where its faces meet
+        noisy = noise > SMOOTH
+        corner_normals = averaged_normals(normals, triangles, rounds=3)[triangles] if noisy else flat[:, None]
         values = None if colors is None else _color_values(np.asarray(colors), len(vertices))
-        return cls(vertices, triangles, normals, values, RayCaster(vertices, triangles))
+        return cls(vertices, triangles, corner_normals, values, RayCaster(vertices, triangles), noise)
 
 
 def _color_values(colors: AnyArray, count: int) -> FloatArray:
@@ -89,7 +100,7 @@ def _cast(
         corners = scan.faces[hits.face[struck]]
         points = centre + distance[struck, None] * directions[struck]
         share = barycentric(points, scan.vertices[corners])
-        blended = np.einsum("nc,nck->nk", share, scan.normals[corners])
+        blended = (share[:, :, None] * scan.normals[hits.face[struck]]).sum(axis=1)
         blended /= np.maximum(np.linalg.norm(blended, axis=1, keepdims=True), 1e-12)
         away = np.einsum("nk,nk->n", blended, directions[struck]) > 0
         blended[away] *= -1

@@ -25,7 +25,8 @@ class Features:
     """Features of one photo.
 
     `pixels` (N,2) of the full photo, `size` (N,) diameter in its pixels, `descriptors` (N,128) bytes,
-    strongest first. `rays` (N,3) unit, camera frame; `to_pixels` (N,2,3) turns a change of direction into pixels.
+    strongest first. `rays` (N,3) unit, camera frame; `to_pixels` (N,2,3) turns a change of
+    direction into pixels.
     """
 
     pixels: FloatArray
