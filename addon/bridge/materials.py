@@ -100,6 +100,7 @@ def unseen_material() -> bpy.types.Material:
 
 def _empty_material(name: str) -> bpy.types.Material:
     material = bpy.data.materials.new(name)
-    material.use_nodes = True
+    if material.node_tree is None:  # from Blender 5.0 on every material has nodes
+        material.use_nodes = True
     material.node_tree.nodes.clear()
     return material

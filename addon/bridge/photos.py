@@ -96,6 +96,7 @@ def stand_before_scan(scene: bpy.types.Scene, camera: bpy.types.Object) -> None:
     if scan is not None:
         corners = np.array([scan.matrix_world @ Vector(corner) for corner in scan.bound_box])
         centre, size = corners.mean(axis=0), float(np.ptp(corners, axis=0).max())
+    camera.data.display_size = 0.08 * size
     camera.location = centre - (0.0, 1.5 * size, 0.0)
     camera.rotation_euler = (np.pi / 2, 0.0, 0.0)
 

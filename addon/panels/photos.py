@@ -11,7 +11,7 @@ STATE_ICONS = {identifier: icon for identifier, _, _, icon, _ in PHOTO_STATES}
 
 
 class FRESCO_UL_photos(bpy.types.UIList):
-    """Photos: used or not, state, name, numbers of the pose, a button to look through."""
+    """Photos: used or not, state, name, numbers of the pose."""
 
     bl_idname = "FRESCO_UL_photos"
 
@@ -35,22 +35,19 @@ class FRESCO_UL_photos(bpy.types.UIList):
         numbers = body.row(align=True)
         numbers.alignment = "RIGHT"
         numbers.label(text=pose_numbers(item))
-        numbers.prop(item, "use_texture", text="", icon="TEXTURE", emboss=False)
-        look = row.operator("fresco.look_through", text="", icon="VIEW_CAMERA", emboss=False)
-        look.index = index
 
 
 def pose_numbers(photo: FrescoPhoto) -> str:
     """Overlap error and uncertainty as the list shows them: 0.4 %  3 mm."""
     if photo.state not in {"SOLVED", "AMBIGUOUS"}:
         return ""
-    return f"{photo.overlap:.1f} %   {format_length(photo.centre_sigma)}"
+    return f"{photo.overlap:.1f} %  {format_length(photo.centre_sigma)}"
 
 
 def format_length(metres: float) -> str:
-    """Return a length as a surveyor reads it: 3 mm, 25 cm, 1.2 m."""
+    """Return a length as a surveyor reads it: 0.4 mm, 3 mm, 25 cm, 1.2 m."""
     if metres < 0.1:
-        return f"{1000 * metres:.2g} mm" if metres < 0.01 else f"{1000 * metres:.0f} mm"
+        return f"{1000 * metres:.1f} mm" if metres < 0.001 else f"{1000 * metres:.0f} mm"
     return f"{100 * metres:.0f} cm" if metres < 1 else f"{metres:.1f} m"
 
 
@@ -82,6 +79,7 @@ class FRESCO_PT_photos(StepPanel, bpy.types.Panel):
         column = row.column(align=True)
         column.operator("fresco.remove_photo", text="", icon="REMOVE")
         column.separator()
+        column.operator("fresco.look_through", text="", icon="VIEW_CAMERA")
         column.operator("fresco.set_calibration", text="", icon="CAMERA_DATA")
         if fresco.active_photo is not None:
             draw_photo(layout, context, fresco.active_photo)
@@ -99,9 +97,10 @@ def draw_photo(layout: bpy.types.UILayout, context: bpy.types.Context, photo: Fr
         layout.operator("fresco.set_calibration", icon="CAMERA_DATA")
         return
     width, height = photo.size
-    lens = f"{photo.camera.data.lens:.1f} mm (35 mm equivalent)"
+    lens = f"{photo.camera.data.lens:.1f} mm (full frame)"
     draw_rows(layout, [("Size", f"{width} × {height} px"), ("Lens", lens)])
     draw_text(layout, context, photo.camera_source, icon="CAMERA_DATA")
+    layout.prop(photo, "use_texture")
     for background in photo.camera.data.background_images[:1]:
         layout.prop(background, "alpha", text="Photo opacity", slider=True)
         layout.prop(background, "display_depth", text="Photo depth", expand=True)

@@ -21,9 +21,9 @@ def job():
 
 
 def slow_down(slowly):
-    """One step of a job every second, so that ESC comes in time; or as fast as usual."""
+    """One step of a job every three seconds, so that ESC comes in time; or as fast as usual."""
     jobs = sys.modules["bl_ext.user_default.fresco.addon.jobs"]
-    jobs.SLICE, jobs.TIMER_STEP = (0.0, 1.0) if slowly else (0.03, 0.01)
+    jobs.SLICE, jobs.TIMER_STEP = (0.0, 3.0) if slowly else (0.03, 0.01)
 
 
 def widen_sidebar(ui):
@@ -36,8 +36,17 @@ def widen_sidebar(ui):
 
 def press(ui, text, at=0.45):
     """Press the button whose operator call contains the text; `at` is where across the sidebar to look."""
+    area = ui.area()
+    region = ui.region(area, "UI")
     x, y = yield from ui.find(text, at=at)
-    yield from ui.click(x, y)
+    for higher in (0, 8, 16, -8):  # on a busy machine the button under the mouse is told late
+        yield from ui.move(x, y + higher)
+        yield 0.4
+        if text in ui.under_mouse(area, region):
+            break
+    else:
+        raise LookupError(f"{text} is not where it was found")
+    yield from ui.click(x, y + higher)
     yield 0.3
 
 
@@ -48,13 +57,8 @@ def file_browser():
 
 def choose(ui, text, folder, names=(), at=0.45):
     """Press a button that opens the file browser, choose a folder or a file there, and confirm."""
-    for _ in range(3):  # a busy machine may swallow a click
-        yield from press(ui, text, at)
-        for _ in range(40):
-            if file_browser() is None:
-                yield 0.1
-        if file_browser() is not None:
-            break
+    yield from press(ui, text, at)
+    yield from ui.wait(file_browser, 20, "the file browser")
     yield 1.0
     window, area = file_browser()
     area.spaces.active.params.directory = str(folder).encode()
@@ -181,7 +185,7 @@ def step_pose(ui):
     assert [photo.state for photo in fresco().photos] == ["SOLVED"] * 3
     yield from park_mouse(ui)
     ui.shot("8 poses")
-    yield from press(ui, "fresco.look_through", at=0.8)
+    yield from press(ui, "fresco.look_through", at=0.87)
     yield 0.6
     assert ui.area().spaces.active.region_3d.view_perspective == "CAMERA"
     fresco().active_photo.camera.data.background_images[0].alpha = 0.5
