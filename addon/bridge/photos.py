@@ -82,8 +82,15 @@ def read_camera(item: FrescoPhoto) -> Camera:
     return camera_from_dict(json.loads(item.camera_json))
 
 
+def link_camera(scene: bpy.types.Scene, item: FrescoPhoto) -> None:
+    """Bring a camera back that was deleted from the scene; the list of photos has kept it."""
+    if item.camera.name not in scene.objects:
+        collection(scene, COLLECTION).objects.link(item.camera)
+
+
 def frame_photo(scene: bpy.types.Scene, item: FrescoPhoto) -> None:
     """Make a photo's camera the scene's, with the render size of the photo."""
+    link_camera(scene, item)
     scene.camera = item.camera
     if item.camera_json:
         cameras.apply_frame(scene, cameras.frame_of(read_camera(item)))
@@ -114,6 +121,7 @@ def write_pose(
     if covariance is not None:
         pose["covariance"] = covariance.tolist()
     item.pose_json = json.dumps(pose)
+    link_camera(scene, item)
     cameras.write_pose(item.camera, rotation, translation)
 
 

@@ -155,3 +155,15 @@ def test_a_camera_moved_by_hand_counts_where_it_stands(imported, room, module):
     assert bridge.is_moved(imported, photo)
     view = bridge.read_view(imported, photo)
     np.testing.assert_allclose(view.centre, -rotation.T @ translation + (0, 0, 0.25), atol=1e-6)
+
+
+def test_a_camera_deleted_from_the_scene_comes_back(imported):
+    photo = imported.fresco.photos[1]
+    bpy.ops.object.select_all(action="DESELECT")
+    photo.camera.select_set(True)
+    bpy.ops.object.delete()
+    assert "wall 2" not in imported.objects
+    bpy.ops.fresco.look_through(index=1)
+    assert imported.camera.name == "wall 2" and "wall 2" in imported.objects
+    bpy.ops.fresco.solve_poses()
+    assert photo.state == "SOLVED"
