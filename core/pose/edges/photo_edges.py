@@ -29,6 +29,8 @@ class EdgeField:
 
     def along(self, pixels: FloatArray, normals: FloatArray) -> FloatArray:
         """Strength (N,K) of edges across `normals` (N,2) at pixels (N,K,2); below 0 along them."""
+        if len(pixels) == 0:
+            return np.zeros(pixels.shape[:2])
         u = pixels[..., 0].astype(np.float32)
         v = pixels[..., 1].astype(np.float32)
         cosine = cv2.remap(self.cosine, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)

@@ -153,10 +153,15 @@ def _divided(
     """Edges for the fit and those held back for the score: one tile of 32 pixels in four."""
     tile = (edges.pixels // 32).astype(np.int64)
     held = (tile[:, 0] + 2 * tile[:, 1]) % 4 == 0
-    fit = edges.select(~held)
-    if len(fit) > settings.max_edges:
-        fit = fit.select(np.sort(rng.choice(len(fit), settings.max_edges, replace=False)))
-    return fit, edges.select(held)
+    return _at_most(edges.select(~held), settings.max_edges, rng), _at_most(
+        edges.select(held), settings.max_edges, rng
+    )
+
+
+def _at_most(edges: ScanEdges, count: int, rng: np.random.Generator) -> ScanEdges:
+    if len(edges) <= count:
+        return edges
+    return edges.select(np.sort(rng.choice(len(edges), count, replace=False)))
 
 
 def _decide(

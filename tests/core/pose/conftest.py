@@ -36,7 +36,7 @@ class ReliefWall:
         caster = RayCaster(self.vertices, self.faces)
         rows, columns = np.mgrid[0 : camera.height, 0 : camera.width]
         total = np.zeros(rows.size)
-        for du, dv in ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)):
+        for du, dv in ((-0.25, -0.12), (0.25, 0.12)):
             rays = camera.unproject(np.stack([columns.ravel() + du, rows.ravel() + dv], axis=1).astype(float))
             directions = np.nan_to_num(rays) @ rotation
             hits = caster.first_hit(centre, directions)
@@ -52,7 +52,7 @@ class ReliefWall:
             # blocks are of a lighter stone than the wall
             stone = 0.5 + 0.4 * (self.offset[1] - points[:, 1] > 0.05)
             paint = stone * (1 + texture * (self.albedo(points - self.offset) / 0.6 - 1))
-            total[struck] += shade * paint / 4
+            total[struck] += shade * paint / 2
         rng = np.random.default_rng(self.seed + 1)
         grey = 230 * total.reshape(rows.shape) + 12 + rng.normal(0, noise, rows.shape)
         return np.repeat(np.clip(grey, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
@@ -60,7 +60,7 @@ class ReliefWall:
     def view(self, centre, target=(0.0, 0.0, 0.0), camera=None, roll=0.0, name="", **photo):
         """View from `centre` towards `target`, both relative to the middle of the wall."""
         origin = np.array([0.0, 0.0, 0.0]) + self.offset
-        camera = camera or PerspectiveCamera(800, 600, [[640, 0, 399.5], [0, 640, 299.5], [0, 0, 1]])
+        camera = camera or PerspectiveCamera(720, 540, [[640, 0, 359.5], [0, 640, 269.5], [0, 0, 1]])
         centre = np.asarray(centre, dtype=float) + origin
         forward = np.asarray(target) + origin - centre
         forward /= np.linalg.norm(forward)
