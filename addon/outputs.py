@@ -7,7 +7,7 @@ import io
 import json
 import logging
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from ..core.project import TexturedScan
 from ..core.report import Report, write_report_job
 from ..core.scans import Scan
 from ..core.texture import write_obj_job
+from .bridge.texture import read_gains
 from .bridge.world import read_offset
 
 
@@ -83,20 +84,27 @@ def _glb_job(context: bpy.types.Context, path: Path) -> Job[Path]:
             export_skins=False,
             export_morph=False,
         )
-        _note_offset(temporary, read_offset(context.scene))
+        _complete_glb(temporary, read_offset(context.scene), read_gains(context.scene))
         temporary.replace(path)
     return path
 
 
-def _note_offset(path: Path, offset: FloatArray) -> None:
-    """Write the scene's offset (metres, the scan's axes) into a GLB file's `asset.extras`.
+def _complete_glb(path: Path, offset: FloatArray, gains: Mapping[str, FloatArray]) -> None:
+    """Write into a GLB file what Blender's exporter leaves out: the photos' gains and the scene's offset.
 
-    Source: glTF 2.0, 4.4 (binary glTF: 12 bytes of header, then the JSON chunk, then the binary one).
+    A factor in glTF may not exceed 1, so all gains are divided by the largest one; `asset.extras` keeps it
+    (`gain_scale`) beside the offset (`world_offset`, metres in the scan's axes). Source: glTF 2.0, 4.4 (12
+    bytes of header, then the JSON chunk, then the binary one) and 5.22.
     """
     data = path.read_bytes()
     (length,) = struct.unpack_from("<I", data, 12)
     content = json.loads(data[20 : 20 + length])
-    content["asset"]["extras"] = {"world_offset": offset.tolist()}
+    scale = max([1.0, *(float(gain.max()) for gain in gains.values())])
+    for material in content.get("materials", []):
+        if material["name"] in gains:
+            factor = [*(gains[material["name"]] / scale).tolist(), 1.0]
+            material.setdefault("pbrMetallicRoughness", {})["baseColorFactor"] = factor
+    content["asset"]["extras"] = {"world_offset": offset.tolist(), "gain_scale": scale}
     text = json.dumps(content, separators=(",", ":"), ensure_ascii=False).encode()
     text += b" " * (-len(text) % 4)
     rest = data[20 + length :]

@@ -130,6 +130,20 @@ def read_texture(scene: bpy.types.Scene) -> TexturedScan:
     )
 
 
+def read_gains(scene: bpy.types.Scene) -> dict[str, FloatArray]:
+    """Linear factors (3,) of the photos in use, by the name of their material; none without a texture."""
+    mesh = scene.fresco.scan.data
+    if NUMBERS_KEY not in mesh:
+        return {}
+    gains = np.array(json.loads(mesh[NUMBERS_KEY])["gain"], dtype=np.float64)
+    items = [scene.fresco.photos.get(name) for name in json.loads(mesh[PHOTOS_KEY])]
+    return {
+        item.material.name: gain
+        for item, gain in zip(items, gains, strict=True)
+        if item is not None and item.material is not None
+    }
+
+
 def texture_rows(textured: TexturedScan) -> list[tuple[str, str]]:
     """Numbers of a texture for the panel: names and values."""
     selection = textured.selection

@@ -1,5 +1,6 @@
 """What is delivered from a scene, and that nothing is left half-written."""
 
+import dataclasses
 import json
 import struct
 
@@ -55,6 +56,23 @@ def test_glb_has_unlit_photos_and_the_cameras(textured, target):
     assert cameras == ["wall 1", "wall 2", "wall 3"]
     assert content["asset"]["extras"]["world_offset"] == [0, 0, 0]
     assert "camera_json" not in json.dumps(content), "what Fresco keeps in the .blend stays there"
+
+
+def test_glb_has_the_gains_of_the_photos_as_factors_up_to_one(textured, target, module):
+    texture = module("addon.bridge.texture")
+    once = texture.read_texture(textured)
+    gain = np.array([[1.25, 1.0, 0.8], [0.5, 0.75, 1.0], [1.0, 1.0, 1.0]])
+    selection = dataclasses.replace(once.selection, gain=gain)
+    photos = list(textured.fresco.photos)
+    texture.write_texture(textured.fresco.scan, dataclasses.replace(once, selection=selection), photos)
+    bpy.ops.fresco.export()
+    content = glb_json(target / "scan.glb")
+    assert content["asset"]["extras"]["gain_scale"] == 1.25
+    factors = {m["name"]: m["pbrMetallicRoughness"].get("baseColorFactor") for m in content["materials"]}
+    used = [number for number, photo in enumerate(photos) if photo.name in factors]
+    assert used
+    for number in used:
+        np.testing.assert_allclose(factors[photos[number].name], [*(gain[number] / 1.25), 1])
 
 
 def test_glb_comes_back_as_it_was(textured, target):
