@@ -101,8 +101,9 @@ def face_blocks(corners: Float32Array, normals: Float32Array, size: int = 2048) 
     """Blocks of consecutive faces: corners (F,3,3) m, unit normals (F,3) -> FaceBlocks."""
     starts = np.arange(0, len(corners), size)
     counts = np.diff(np.append(starts, len(corners)))[:, None]
-    low = np.minimum.reduceat(corners.min(axis=1), starts, axis=0)
-    high = np.maximum.reduceat(corners.max(axis=1), starts, axis=0)
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    low = np.minimum.reduceat(np.minimum(np.minimum(a, b), c), starts, axis=0)
+    high = np.maximum.reduceat(np.maximum(np.maximum(a, b), c), starts, axis=0)
     centre = 0.5 * (low + high)
     axis = np.add.reduceat(normals, starts, axis=0) / counts
     axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), 1e-12)

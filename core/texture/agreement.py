@@ -40,7 +40,7 @@ _SCALE_RANGE = 2.2
 """Pieces that another photo shows so many times smaller or larger, in any direction, are not compared."""
 _SMALLEST_SHIFT = 1.5
 """Shift (preview pixels) that is never called a wrong pose: the scan's own roughness causes as much."""
-_TIMES_USUAL = 4.0
+_TIMES_USUAL = 5.0
 """A pose is wrong from so many times the usual shift."""
 
 
@@ -82,22 +82,16 @@ def compare_poses_job(
 ) -> Job[list[PoseAgreement]]:
     """Look for pieces of every photo in the photos that share most faces with it: -> [PoseAgreement]."""
     shared = shared_faces(table, len(views))
-    shift, matched = np.full(len(views), np.nan), np.full(len(views), np.nan)
+    pairs = _Pairs.empty(len(views))
     for number, (view, preview) in enumerate(zip(views, previews, strict=True)):
         yield Progress(number / len(views), f"Checking the pose of {view_name(view, number)}")
         partners = [int(j) for j in np.argsort(-shared[number], kind="stable") if shared[number, j] > 0]
         if preview is None or not partners:
             continue
         pieces = _pieces(surface, view, preview)
-        results = [_compare(pieces, surface, preview, views[j], previews[j]) for j in partners[:_PARTNERS]]
-        tried = sum(result.tried for result in results)
-        distances = [float(np.median(r.found)) for r in results if len(r.found) >= 2]
-        if tried >= _FEWEST:
-            matched[number] = sum(len(result.found) for result in results) / tried
-        if distances:
-            # The lower median: a neighbour posed wrong must not condemn a photo that another confirms.
-            shift[number] = np.sort(distances)[(len(distances) - 1) // 2]
-    return _verdicts(shift, matched, previews)
+        for j in partners[:_PARTNERS]:
+            pairs.enter(number, j, _compare(pieces, surface, preview, views[j], previews[j]))
+    return _verdicts(pairs, np.array([1.0 if p is None else p.scale for p in previews]))
 
 
 def shared_faces(table: CandidateTable, view_count: int) -> IndexArray:
@@ -195,18 +189,66 @@ def _found_at(grey: ByteArray, centre: IndexArray, piece: ByteArray) -> float | 
     return float(np.hypot(row - _SEARCH, column - _SEARCH))
 
 
-def _verdicts(
-    shift: FloatArray, matched: FloatArray, previews: Sequence[Preview | None]
-) -> list[PoseAgreement]:
-    """Judge every photo by what is usual among all."""
-    usual = float(np.nanmedian(shift)) if np.isfinite(shift).any() else 0.0
-    usual_match = float(np.nanmedian(matched)) if np.isfinite(matched).any() else 0.0
-    limit = max(_SMALLEST_SHIFT, _TIMES_USUAL * usual)
-    agreements = []
-    for distance, share, preview in zip(shift, matched, previews, strict=True):
-        lost = bool(np.isfinite(share) and usual_match > 0.5 and share < 0.3 * usual_match)
-        scale = preview.scale if preview is not None else 1.0
-        agreements.append(
-            PoseAgreement(float(distance / scale), float(share), bool(distance > limit) or lost)
-        )
-    return agreements
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """What comparing photos i and j gave, (V,V) each: pieces `tried`, `found`, and the median `distance`."""
+
+    tried: IndexArray
+    found: IndexArray
+    distance: FloatArray
+
+    @classmethod
+    def empty(cls, count: int) -> _Pairs:
+        counts = np.zeros((2, count, count), dtype=np.int64)
+        return cls(counts[0], counts[1], np.full((count, count), np.nan))
+
+    def enter(self, i: int, j: int, comparison: _Comparison) -> None:
+        self.tried[i, j], self.found[i, j] = comparison.tried, len(comparison.found)
+        if len(comparison.found) >= 2:
+            self.distance[i, j] = np.median(comparison.found)
+
+    def both_ways(self) -> FloatArray:
+        """Distance of each pair, from the pieces of either or both: symmetric, NaN where neither has any."""
+        there, back = self.distance, self.distance.T
+        mean = 0.5 * (there + back)
+        return np.where(np.isnan(mean), np.where(np.isnan(there), back, there), mean)
+
+
+def _verdicts(pairs: _Pairs, scales: FloatArray) -> list[PoseAgreement]:
+    """Judge the photos by what is usual among all, the most contradicted one first.
+
+    Whom most of its neighbours contradict is wrong; it no longer counts when the others are judged, so that
+    a photo is not condemned for disagreeing with a wrong one.
+    """
+    distance = pairs.both_ways()
+    known = np.isfinite(distance)
+    # A low percentile: pairs with wrong photos must not set the scale.
+    typical = float(np.percentile(distance[known], 30)) if known.any() else 0.0
+    limit = max(_SMALLEST_SHIFT, _TIMES_USUAL * typical)
+    share = pairs.found.sum(axis=1) / np.maximum(pairs.tried.sum(axis=1), 1)
+    judged = pairs.tried.sum(axis=1) >= _FEWEST
+    usual = float(np.median(share[judged])) if judged.any() else 0.0
+    wrong = judged & (share < 0.3 * usual) & (usual > 0.5)
+    shift = np.array([_lower_median(row[np.isfinite(row)]) for row in distance])
+    while True:
+        counts = known & ~wrong  # neighbours that still count, per row
+        contradicts = counts & (distance > limit)
+        against = np.count_nonzero(contradicts, axis=1)
+        for_it = np.count_nonzero(counts, axis=1) - against
+        # Of two photos that have only each other, none can be called wrong.
+        sure = (against >= 2) | (contradicts & (for_it > 0)).any(axis=1)
+        suspect = ~wrong & (against > for_it) & sure
+        if not suspect.any():
+            break
+        worst = np.lexsort((np.nan_to_num(shift), against - for_it, suspect))[-1]
+        shift[worst] = _lower_median(distance[worst][counts[worst]])
+        wrong[worst] = True
+    for number in np.flatnonzero(~wrong):
+        shift[number] = _lower_median(distance[number][counts[number]])
+    share = np.where(judged, share, np.nan)
+    rows = zip(shift / scales, share, wrong, strict=True)
+    return [PoseAgreement(float(pixels), float(matched), bool(bad)) for pixels, matched, bad in rows]
+
+
+def _lower_median(values: FloatArray) -> float:
+    return float(np.sort(values)[(len(values) - 1) // 2]) if len(values) else float("nan")

@@ -10,12 +10,12 @@ import numpy as np
 from ..arrays import ArrayLike, BoolArray, ByteArray, FloatArray, IntArray
 from ..errors import TextureError
 from ..geometry.meshes import face_normals
-from ..jobs import Job, Progress, drain
+from ..jobs import Job, Progress, drain, part
 from ..photos.view import View
 from ..settings import TextureSettings
 from .candidates import CandidateTable, candidate_cost
 from .cloud import Method, point_spacing, visible_points
-from .consistency import consensus, foreign_candidates
+from .consistency import drop_foreign_job
 from .gains import corrected_colours, photo_gains
 from .images import (
     check_views,
@@ -141,9 +141,7 @@ def select_views_for_points_job(
         gain = photo_gains(table, len(views), settings.gain_anchor)
     colours = corrected_colours(table, gain)
     if settings.reject_foreign and len(views) > 2:
-        agreed = consensus(table, colours)
-        for number, view in enumerate(views):
-            table.drop(*foreign_candidates(table, colours, agreed, number, view.camera))
+        yield from part(drop_foreign_job(table, [view.camera for view in views], colours), 0.92, 0.98)
     rows, slot = np.arange(len(cloud)), np.argmin(table.cost, axis=1)
     view_of = table.view[rows, slot].astype(np.int32)
     seen_at_all = view_of >= 0

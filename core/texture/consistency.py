@@ -7,13 +7,15 @@ photo's plane first, with their sign, and an area that still differs is not used
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from ..arrays import BoolArray, ByteArray, Float32Array, IndexArray
+from ..arrays import BoolArray, ByteArray, Float32Array, FloatArray, IndexArray
 from ..cameras.base import Camera
+from ..jobs import Job, Progress, part
 from .candidates import CandidateTable
 
 _CELLS = 96
@@ -32,11 +34,12 @@ class Consensus:
     count: IndexArray
 
 
-def consensus(table: CandidateTable, colours: ByteArray) -> Consensus:
+def consensus_job(table: CandidateTable, colours: ByteArray) -> Job[Consensus]:
     """Median of the gain-corrected colours (F,K,3) of each face; the lower one of the middle two."""
     count = np.count_nonzero(table.filled, axis=1)
     middle = np.zeros((len(colours), 3), dtype=np.uint8)
     for start in range(0, len(colours), _ROWS):
+        yield Progress(start / len(colours), "Comparing the photos' contents")
         rows = slice(start, start + _ROWS)
         part = np.where(table.filled[rows][..., None], colours[rows], np.uint8(255))
         ordered = np.sort(np.ascontiguousarray(part.transpose(0, 2, 1)), axis=2)
@@ -95,3 +98,19 @@ def _grown(core: BoolArray, candidate: BoolArray) -> BoolArray:
     hit[0] = False
     grown: BoolArray = cv2.dilate(hit[label].astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     return grown
+
+
+def drop_foreign_job(table: CandidateTable, cameras: Sequence[Camera], colours: ByteArray) -> Job[FloatArray]:
+    """Empty the slots that show what other photos do not; -> share of each photo's faces (V,)."""
+    agreed = yield from part(consensus_job(table, colours), 0.0, 0.4)
+    total = np.bincount(table.view[table.filled], minlength=len(cameras))
+    found = []
+    for number, camera in enumerate(cameras):
+        yield Progress(0.4 + 0.6 * number / len(cameras), "Comparing the photos' contents")
+        found.append(foreign_candidates(table, colours, agreed, number, camera))
+    for face, slot in found:
+        # Where all photos of a face were found foreign to one another, they stay.
+        left = np.count_nonzero(table.filled[face], axis=1) > 1
+        table.drop(face[left], slot[left])
+    share: FloatArray = np.array([len(face) for face, _ in found]) / np.maximum(total, 1)
+    return share

@@ -14,13 +14,13 @@ from ..photos.view import View
 from ..settings import TextureSettings
 from .agreement import PoseAgreement, compare_poses_job
 from .candidates import CandidateTable
-from .consistency import consensus, foreign_candidates
+from .consistency import drop_foreign_job
 from .focus import FocusModel, fit_focus
 from .gains import corrected_colours, photo_gains
 from .images import check_views, view_name
 from .labels import label_faces_job
 from .selection import Selection
-from .surface import Mesh, Surface
+from .surface import Mesh, Surface, surface_job
 from .survey import Survey, survey_photos_job
 from .visibility import project, triangle_areas
 
@@ -55,8 +55,7 @@ def select_views_job(
     settings = settings or TextureSettings()
     check_views(views)
     preference = _checked_priorities(priorities, len(views))
-    yield Progress(0.0, "Sorting the scan")
-    surface = Surface.from_mesh(vertices, faces, occluders)
+    surface = yield from part(surface_job(vertices, faces, occluders), 0.0, 0.02)
     survey = yield from part(survey_photos_job(surface, views, preference, settings), 0.02, 0.6)
     findings = yield from part(_judge_job(surface, views, survey, settings), 0.6, 0.75)
     labels = label_faces_job(surface, survey.table, findings.colours, settings.smoothness)
@@ -109,7 +108,8 @@ def _judge_job(
     colours = corrected_colours(table, gain)
     foreign = np.zeros(len(views))
     if settings.reject_foreign and len(views) > 2:
-        foreign = _drop_foreign(table, views, colours)
+        cameras = [view.camera for view in views]
+        foreign = yield from part(drop_foreign_job(table, cameras, colours), 0.8, 1.0)
     return _Findings(gain, colours, poses, focus, foreign)
 
 
@@ -129,19 +129,6 @@ def _distance(surface: Surface, view: View, face: IndexArray) -> Float32Array:
     towards = surface.centroid[face] - (view.centre - surface.origin).astype(np.float32)
     distance: Float32Array = np.sqrt(np.einsum("nk,nk->n", towards, towards))
     return distance
-
-
-def _drop_foreign(table: CandidateTable, views: Sequence[View], colours: ByteArray) -> FloatArray:
-    """Empty the slots that show what other photos do not; -> share of each photo's faces (V,)."""
-    agreed = consensus(table, colours)
-    found = [foreign_candidates(table, colours, agreed, n, view.camera) for n, view in enumerate(views)]
-    total = np.bincount(table.view[table.filled], minlength=len(views))
-    for face, slot in found:
-        # Where all photos of a face were found foreign to one another, they stay.
-        left = np.count_nonzero(table.filled[face], axis=1) > 1
-        table.drop(face[left], slot[left])
-    share: FloatArray = np.array([len(face) for face, _ in found]) / np.maximum(total, 1)
-    return share
 
 
 def _finish_job(

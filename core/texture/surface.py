@@ -11,6 +11,7 @@ from ..arrays import ArrayLike, Float32Array, FloatArray, IndexArray, IntArray
 from ..errors import TextureError
 from ..geometry.meshes import FaceBlocks, face_blocks, face_normals, morton_order
 from ..geometry.rays import RayCaster, local_centre
+from ..jobs import Job, Progress, drain
 
 Mesh = tuple[ArrayLike, ArrayLike]
 """Vertices (V,3) in metres and faces (F,3)."""
@@ -36,34 +37,38 @@ class Surface:
 
     @classmethod
     def from_mesh(cls, vertices: ArrayLike, faces: ArrayLike, occluders: Sequence[Mesh] = ()) -> Surface:
-        """Check and sort a mesh (V,3) m, (F,3); `occluders` hide it but are not textured themselves.
-
-        Raises TextureError for a mesh without faces, without finite coordinates or with indices out of range.
-        """
-        points, triangles = checked_mesh(vertices, faces)
-        origin = local_centre(points)
-        local = points - origin
-        order = morton_order(local[triangles].mean(axis=1))
-        sorted_faces = np.ascontiguousarray(triangles[order])
-        normal, area = face_normals(local, sorted_faces)
-        corners = local[sorted_faces].astype(np.float32)
-        normal32 = normal.astype(np.float32)
-        return cls(
-            origin,
-            local,
-            sorted_faces,
-            order,
-            corners.mean(axis=1),
-            normal32,
-            area.astype(np.float32),
-            face_blocks(corners, normal32),
-            RayCaster(*_with_occluders(local, sorted_faces, origin, occluders)),
-        )
+        """Run `surface_job` to its end."""
+        return drain(surface_job(vertices, faces, occluders))
 
     @property
     def face_count(self) -> int:
         """Number of faces."""
         return len(self.faces)
+
+
+def surface_job(vertices: ArrayLike, faces: ArrayLike, occluders: Sequence[Mesh] = ()) -> Job[Surface]:
+    """Check and sort a mesh (V,3) m, (F,3); `occluders` hide it but are not textured themselves.
+
+    Raises TextureError for a mesh without faces, without finite coordinates or with indices out of range.
+    """
+    points, triangles = checked_mesh(vertices, faces)
+    origin = local_centre(points)
+    local = points - origin
+    yield Progress(0.1, "Sorting the scan")
+    a, b, c = (local[triangles[:, k]] for k in range(3))
+    order = morton_order((a + b + c) / 3)
+    triangles = np.ascontiguousarray(triangles[order])
+    yield Progress(0.3, "Measuring the scan")
+    normal, area = face_normals(local, triangles)
+    yield Progress(0.5, "Measuring the scan")
+    corners = local.astype(np.float32)[triangles]
+    normal32 = normal.astype(np.float32)
+    blocks = face_blocks(corners, normal32)
+    centroid = (corners[:, 0] + corners[:, 1] + corners[:, 2]) / np.float32(3)
+    yield Progress(0.7, "Preparing the scan for rays")
+    caster = RayCaster(*_with_occluders(local, triangles, origin, occluders))
+    area32 = area.astype(np.float32)
+    return Surface(origin, local, triangles, order, centroid, normal32, area32, blocks, caster)
 
 
 def checked_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[FloatArray, IntArray]:

@@ -1,13 +1,15 @@
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 from fresco.core.errors import PhotoError, TextureError
+from fresco.core.jobs import drain
 from fresco.core.settings import TextureSettings
-from fresco.core.texture import select_views
+from fresco.core.texture import select_views, select_views_job
 from painted_scenes import box_mesh, grid_mesh, join, wall_views
 
 WALL = grid_mesh(24, 18)
@@ -152,3 +154,57 @@ def test_files_and_arrays_give_the_same(views, tmp_path):
     a, b = select_views(*WALL, views), select_views(*WALL, files)
     assert np.array_equal(a.view, b.view)
     np.testing.assert_array_equal(a.gain, b.gain)
+
+
+def test_a_photo_removed_half_way_is_named(views, tmp_path):
+    files = []
+    for view in views:
+        path = tmp_path / f"{view.name}.png"
+        path.write_bytes(cv2.imencode(".png", view.image[..., ::-1])[1].tobytes())
+        files.append(replace(view, image=path))
+    job = select_views_job(*WALL, files, TextureSettings(threads=1))
+    next(job)
+    files[2].image.unlink()
+    with pytest.raises(PhotoError, match=r"p2\.png"):
+        drain(job)
+
+
+def test_a_job_can_be_closed_at_any_step(views):
+    before = threading.active_count()
+    steps = len(list(select_views_job(*WALL, views)))
+    assert steps > 8
+    for stop in range(0, steps, 3):
+        job = select_views_job(*WALL, views)
+        for _ in range(stop + 1):
+            next(job)
+        job.close()
+    assert threading.active_count() == before
+
+
+def test_progress_never_goes_back(views):
+    fractions = [progress.fraction for progress in select_views_job(*WALL, views)]
+    assert np.all(np.diff(fractions) >= -1e-9)
+    assert 0 <= fractions[0] <= fractions[-1] <= 1
+
+
+def test_ten_faces_and_one_photo(views):
+    selection = select_views(WALL[0], WALL[1][200:210], views[2:])
+    assert selection.view.shape == (10,)
+    assert np.all(selection.view == 0)
+    assert np.all(selection.runner_up == -1)
+    assert np.all(selection.view_count == 1)
+
+
+def test_non_manifold_and_doubled_faces_are_textured_like_others(views):
+    doubled = np.concatenate([WALL[1], WALL[1][100:140], WALL[1][50:60, ::-1]])
+    selection = select_views(WALL[0], doubled, views)
+    plain = select_views(*WALL, views)
+    assert np.array_equal(selection.view[: len(WALL[1])] >= 0, plain.view >= 0)
+    assert np.all(selection.view[-10:] == -1)  # these look away
+
+
+def test_wrong_priorities_are_refused(views):
+    with pytest.raises(TextureError, match="one priority for each of the 3 photos"):
+        select_views(*WALL, views, priorities=[0.0])
+    with pytest.raises(TextureError, match="All photos are left out"):
+        select_views(*WALL, views, priorities=[-np.inf] * 3)
