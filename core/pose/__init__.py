@@ -4,15 +4,23 @@ from .edges import EdgePose, refine_pose_by_edges, refine_pose_by_edges_job
 from .joint import JointPose, refine_poses_jointly, refine_poses_jointly_job
 from .points import PointPose, estimate_pose_from_points, estimate_pose_from_points_job
 from .pose import Pose
-from .regions import RegionPose, estimate_pose, estimate_pose_job
+from .regions import (
+    CalibratedPose,
+    RegionPose,
+    estimate_pose,
+    estimate_pose_and_focal,
+    estimate_pose_job,
+)
 
 __all__ = [
+    "CalibratedPose",
     "EdgePose",
     "JointPose",
     "PointPose",
     "Pose",
     "RegionPose",
     "estimate_pose",
+    "estimate_pose_and_focal",
     "estimate_pose_from_points",
     "estimate_pose_from_points_job",
     "estimate_pose_job",

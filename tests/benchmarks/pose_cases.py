@@ -144,10 +144,13 @@ def _corrupted_shape(rng, loops, error):
     """Shape as (vertices (n,2), triangles): exact, or with squares drawn on a fine raster."""
     if error == 0:
         return triangulated([_dense(loop, 0.04) for loop in loops])
-    scale, size = PIXELS_PER_METRE, int(1.3 * PIXELS_PER_METRE)
-    raster = fill_loops([loop * scale + size / 2 for loop in loops], size, size)
+    scale, size = PIXELS_PER_METRE, int(1.6 * PIXELS_PER_METRE)
+    turn = Rotation.from_euler("z", rng.uniform(0, 360), degrees=True).as_matrix()[:2, :2]
+    raster = fill_loops([loop @ turn.T * scale + size / 2 for loop in loops], size, size)
     cracks = mask_loops(corrupt(rng, raster, error))
-    return triangulated([_straightened((loop - size / 2) / scale) for loop in cracks if len(loop) > 20])
+    return triangulated(
+        [_straightened((loop - size / 2) / scale) @ turn for loop in cracks if len(loop) > 20]
+    )
 
 
 def _straightened(loop):

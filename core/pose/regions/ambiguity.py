@@ -41,7 +41,7 @@ def chosen(
         Even the best leaves the regions apart.
     """
     rivals = _rivals(problem, fits)
-    poses = [_pose(problem, fit) for fit in rivals]
+    poses = [posed(problem, fit) for fit in rivals]
     if initial is not None:
         poses.sort(key=lambda pose: float(rotation_angle(pose.rotation @ initial.rotation.T)))
     best, others = poses[0], tuple(poses[1:])
@@ -82,7 +82,8 @@ def _without_repetitions(fits: Sequence[OutlineFit]) -> list[OutlineFit]:
     return kept
 
 
-def _pose(problem: Problem, fit: OutlineFit) -> RegionPose:
+def posed(problem: Problem, fit: OutlineFit) -> RegionPose:
+    """Pose in the world of a fit, with its overlap."""
     overlap, each = overlap_errors(problem.moments, fit.rotation, fit.translation)
     return RegionPose(
         fit.rotation,

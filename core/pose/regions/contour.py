@@ -50,8 +50,20 @@ class ContourPair:
 
 
 @dataclass(frozen=True, eq=False)
+class LensStep:
+    """A free parameter of the lens: the camera with it raised and lowered, and how far apart these are."""
+
+    plus: Camera
+    minus: Camera
+    width: float
+
+
+@dataclass(frozen=True, eq=False)
 class Match:
-    """Per boundary sample: signed distance to the outline (px, NaN if none belongs), its derivative (n,6)."""
+    """Per boundary sample: signed distance to the outline (px, NaN if none belongs), its derivative (n,P).
+
+    P parameters: turn about the origin, shift, and the free ones of the lens.
+    """
 
     distances: FloatArray
     jacobian: FloatArray
@@ -111,7 +123,13 @@ def outward(jacobian: FloatArray, tangents: FloatArray) -> FloatArray:
     return np.stack([direction[:, 1], -direction[:, 0]], axis=1)
 
 
-def match(camera: Camera, pair: ContourPair, rotation: FloatArray, translation: FloatArray) -> Match:
+def match(
+    camera: Camera,
+    pair: ContourPair,
+    rotation: FloatArray,
+    translation: FloatArray,
+    lens: Sequence[LensStep] = (),
+) -> Match:
     """Distance of every projected boundary sample from the outline's nearest piece, along its normal."""
     turned = pair.surface.points @ rotation.T
     pixels, jacobian = camera.project_with_jacobian(turned + translation)
@@ -120,11 +138,19 @@ def match(camera: Camera, pair: ContourPair, rotation: FloatArray, translation: 
     normals = pair.image.normals[nearest]
     distances = np.sum(normals * (pixels - pair.image.points[nearest]), axis=1)
     across = np.einsum("ni,nij->nj", normals, jacobian)
-    slope = np.concatenate([np.cross(turned, across), across], axis=1)
+    free = [_lens_slope(step, turned + translation, normals) for step in lens]
+    slope = np.concatenate([np.cross(turned, across), across, *free], axis=1)
     drawn = outward(jacobian, pair.surface.tangents @ rotation.T)
     alike = np.sum(drawn * normals, axis=1) > pair.alike
     usable = seen & alike & (pair.image.weights[nearest] > 0)
     return Match(np.where(usable, distances, np.nan), np.where(usable[:, None], slope, 0.0), nearest)
+
+
+def _lens_slope(step: LensStep, points: FloatArray, normals: FloatArray) -> FloatArray:
+    """Movement (n,1) of projected points across the outline per unit of a lens parameter."""
+    moved = (step.plus.project(points) - step.minus.project(points)) / step.width
+    slope: FloatArray = np.sum(normals * moved, axis=1, keepdims=True)
+    return slope
 
 
 def refine_by_contours(
@@ -134,20 +160,24 @@ def refine_by_contours(
     translation: FloatArray,
     scales: Sequence[float],
 ) -> tuple[FloatArray, FloatArray]:
-    """Gauss-Newton, one step per scale s (px), with Geman-McClure weights `1 / (1 + (r/s)²)²`."""
+    """Gauss-Newton, one step per scale (px)."""
     for scale in scales:
-        normal, gradient = np.zeros((6, 6)), np.zeros(6)
-        for pair in pairs:
-            found = match(camera, pair, rotation, translation)
-            distances = np.nan_to_num(found.distances)
-            weights = robust_weights(found.distances, scale)
-            weighted = found.jacobian * weights[:, None]
-            normal += weighted.T @ found.jacobian
-            gradient += weighted.T @ distances
-        diagonal = np.diag(normal)
-        step = -np.linalg.solve(normal + np.diag(1e-6 * diagonal + 1e-12), gradient)
+        step = gauss_newton_step([match(camera, pair, rotation, translation) for pair in pairs], scale)
         rotation, translation = exp_so3(step[:3]) @ rotation, translation + step[3:]
     return rotation, translation
+
+
+def gauss_newton_step(matches: Sequence[Match], scale: float) -> FloatArray:
+    """Step (P,) that lessens the distances, with Geman-McClure weights at `scale` px."""
+    size = matches[0].jacobian.shape[1]
+    normal, gradient = np.zeros((size, size)), np.zeros(size)
+    for found in matches:
+        weighted = found.jacobian * robust_weights(found.distances, scale)[:, None]
+        normal += weighted.T @ found.jacobian
+        gradient += weighted.T @ np.nan_to_num(found.distances)
+    damped = normal + np.diag(1e-6 * np.diag(normal) + 1e-12)
+    step: FloatArray = -np.linalg.solve(damped, gradient)
+    return step
 
 
 def _turn(loops: Sequence[FloatArray], rotation: FloatArray, translation: FloatArray) -> float:
@@ -169,7 +199,7 @@ def metres_per_pixel(
 
 
 def robust_weights(distances: FloatArray, scale: float) -> FloatArray:
-    """Geman-McClure weights (n,) of distances (px), zero for those that are NaN."""
+    """Geman-McClure weights `1 / (1 + (r/s)²)²` (n,) of distances (px), zero for those that are NaN."""
     return np.where(np.isfinite(distances), 1.0 / (1.0 + (np.nan_to_num(distances) / scale) ** 2) ** 2, 0.0)
 
 

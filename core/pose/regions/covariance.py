@@ -34,14 +34,16 @@ def moment_covariance(
 def outline_covariance(
     pairs: Sequence[ContourPair], matches: Sequence[Match], scale: float, bias: float
 ) -> FloatArray:
-    """Covariance (6,6) of (turn about the origin, shift) from the distances left between outlines.
+    """Covariance (P,P) of (turn about the origin, shift, lens) from the distances left between outlines.
 
     Errors hang together along a stretch of boundary, so that stretches, not samples, count as independent:
     the sandwich `H⁻¹ (Σ g gᵀ) H⁻¹` with one gradient g per stretch, plus the grain of the pixels and a `bias`
-    (px) that whole stretches may have. H is the weighted `JᵀJ`, less what Geman-McClure weights lose of their slope at the distances met.
+    (px) that whole stretches may have. H is the weighted `JᵀJ`, less what Geman-McClure weights lose of their
+    slope at the distances met.
     Source: Huber 1981 (M-estimators); Liang and Zeger 1986 (stretches).
     """
-    normal, spread, stretches = np.zeros((6, 6)), np.zeros((6, 6)), 0
+    size = matches[0].jacobian.shape[1]
+    normal, spread, stretches = np.zeros((size, size)), np.zeros((size, size)), 0
     weight, curvature = 0.0, 0.0
     for pair, found in zip(pairs, matches, strict=True):
         weights = robust_weights(found.distances, scale)
@@ -56,13 +58,13 @@ def outline_covariance(
         stretches += np.count_nonzero(np.any(gradients != 0, axis=1))
         spread += gradients.T @ gradients + lifts.T @ lifts + GRAIN**2 * weighted.T @ weighted
     inverse = stable_inverse(normal * max(curvature / weight, LEAST_CURVATURE))
-    correction = stretches / max(stretches - 6, 1)
+    correction = stretches / max(stretches - size, 1)
     covariance: FloatArray = correction * inverse @ spread @ inverse
     return covariance
 
 
 def _per_stretch(stretch: IndexArray, values: FloatArray) -> FloatArray:
-    """Sums (S,6) of values (n,6) over the stretches 0..S-1 they belong to (n,)."""
+    """Sums (S,P) of values (n,P) over the stretches 0..S-1 they belong to (n,)."""
     sums = np.zeros((int(stretch.max()) + 1, values.shape[1]))
     np.add.at(sums, stretch, values)
     return sums

@@ -4,32 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
-from ...arrays import ArrayLike, FloatArray
+from ...arrays import ArrayLike
 from ...cameras.base import Camera
-from ...errors import PoseNotFound
 from ...jobs import Job, Progress, drain
 from ...regions import ImageRegion, SurfaceRegion
 from ...settings import PoseSettings
 from ..pose import Pose
-from .algebraic import Candidates, joined, moment_costs, refine_by_moments
-from .ambiguity import chosen, distinct, plausible, unlike
+from .algebraic import Candidates
+from .ambiguity import chosen, plausible, unlike
 from .covariance import moment_covariance
 from .fitting import LEVELS, Contours, OutlineFit, fit_outlines
-from .initial import starting_poses
-from .moment_pair import MomentPair
 from .problem import Problem, make_problem
 from .region_pose import RegionPose
-
-MOST = 8
-"""Candidates kept per region, and over all."""
-
-MOST_FITTED = 4
-"""Candidates whose outlines are fitted."""
-
-HOPELESS = 100.0
-"""Times the best cost after a few steps, from which a candidate is not followed."""
+from .search import MOST_FITTED, moment_candidates
 
 PLAUSIBLE = 16.0
 """Cost above the best, in its noise variance, up to which another pose explains the regions as well."""
@@ -89,11 +76,11 @@ def estimate_pose_job(
     yield Progress(0.0, "Reading the regions' outlines")
     problem = make_problem(camera, photo, surfaces, paired)
     yield Progress(0.2, "Searching for poses that fit the regions")
-    candidates = _candidates(problem, problem.sketches[0], up, initial)
+    candidates = moment_candidates(problem, problem.sketches[0], up, initial)
     fits = yield from _fits(problem, candidates)
     if len(problem.sketches) > 1 and not any(fit.near == LEVELS[0].near for fit in fits):
         yield Progress(0.7, "Searching from every region")
-        others = _candidates(problem, problem.sketches[1], up, initial)
+        others = moment_candidates(problem, problem.sketches[1], up, initial)
         fits += yield from _fits(problem, unlike(others, candidates))
     return chosen(problem, fits, initial, settings)
 
@@ -114,37 +101,3 @@ def _plausible(problem: Problem, candidates: Candidates) -> list[int]:
     """Indices of the candidates worth fitting."""
     equations = sum(len(pair.moments) for pair in problem.moments)
     return [int(k) for k in plausible(candidates.costs, equations, PLAUSIBLE)[:MOST_FITTED]]
-
-
-def _candidates(
-    problem: Problem, sketches: Sequence[MomentPair], up: ArrayLike | None, initial: Pose | None
-) -> Candidates:
-    """Distinct poses that fit the moments, best first, from starts on some of the regions."""
-    found = []
-    for pair in sketches:
-        for part in pair.parts:
-            starts = starting_poses(pair.chart, pair.outline, part)
-            found.append(refine_by_moments([pair], starts, 8).sorted()[: 2 * MOST])
-    if initial is not None:
-        shifted = initial.rotation @ problem.origin + initial.translation
-        found.append(Candidates(np.asarray(initial.rotation)[None], shifted[None], np.zeros(1)))
-    several = joined(found)
-    costs = moment_costs(problem.moments, several.rotations, several.translations)
-    several = distinct(Candidates(several.rotations, several.translations, costs))[:MOST]
-    if len(several) == 0:
-        raise PoseNotFound(
-            "No camera position sees all regions at once: check that each has its right partner."
-        )
-    fitted = distinct(refine_by_moments(problem.moments, several, 5))
-    fitted = fitted[np.flatnonzero(fitted.costs < HOPELESS * fitted.costs[0])][:MOST_FITTED]
-    fitted = distinct(refine_by_moments(problem.moments, fitted, 20))
-    if up is not None:
-        fitted = _upright(fitted, np.asarray(up, dtype=np.float64))
-    return fitted
-
-
-def _upright(candidates: Candidates, up: FloatArray) -> Candidates:
-    """Keep the candidates in which `up` points up in the photo, unless there is none."""
-    upwards = -(candidates.rotations @ (up / np.linalg.norm(up)))[:, 1]
-    chosen = np.flatnonzero(upwards > 0)
-    return candidates[chosen] if len(chosen) else candidates

@@ -108,7 +108,7 @@ class Contours:
 def fit_outlines(
     contours: Contours, rotation: FloatArray, translation: FloatArray, covariance: FloatArray
 ) -> OutlineFit:
-    """Search near a moment solution, its covariance (6,6) given, at one level after the other until one locks."""
+    """Search near a moment solution with its covariance (6,6), level by level until one locks."""
     for level in LEVELS:
         fit = _fit_at(level, contours, rotation, translation, covariance)
         if fit.near < np.inf:

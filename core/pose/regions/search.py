@@ -1,0 +1,59 @@
+"""Poses that fit the moments of all regions, sought from starts on single ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...arrays import ArrayLike, FloatArray
+from ...errors import PoseNotFound
+from ..pose import Pose
+from .algebraic import Candidates, joined, moment_costs, refine_by_moments
+from .ambiguity import distinct
+from .initial import starting_poses
+from .moment_pair import MomentPair
+from .problem import Problem
+
+MOST = 8
+"""Candidates kept per region, and over all."""
+
+MOST_FITTED = 4
+"""Candidates whose outlines are fitted."""
+
+HOPELESS = 100.0
+"""Times the best cost after a few steps, from which a candidate is not followed."""
+
+
+def moment_candidates(
+    problem: Problem, sketches: Sequence[MomentPair], up: ArrayLike | None = None, initial: Pose | None = None
+) -> Candidates:
+    """Distinct poses that fit the moments, best first, from starts on some of the regions."""
+    found = []
+    for pair in sketches:
+        for part in pair.parts:
+            starts = starting_poses(pair.chart, pair.outline, part)
+            found.append(refine_by_moments([pair], starts, 8).sorted()[: 2 * MOST])
+    if initial is not None:
+        shifted = initial.rotation @ problem.origin + initial.translation
+        found.append(Candidates(np.asarray(initial.rotation)[None], shifted[None], np.zeros(1)))
+    several = joined(found)
+    costs = moment_costs(problem.moments, several.rotations, several.translations)
+    several = distinct(Candidates(several.rotations, several.translations, costs))[:MOST]
+    if len(several) == 0:
+        raise PoseNotFound(
+            "No camera position sees all regions at once: check that each has its right partner."
+        )
+    fitted = distinct(refine_by_moments(problem.moments, several, 5))
+    fitted = fitted[np.flatnonzero(fitted.costs < HOPELESS * fitted.costs[0])][:MOST_FITTED]
+    fitted = distinct(refine_by_moments(problem.moments, fitted, 20))
+    if up is not None:
+        fitted = _upright(fitted, np.asarray(up, dtype=np.float64))
+    return fitted
+
+
+def _upright(candidates: Candidates, up: FloatArray) -> Candidates:
+    """Keep the candidates in which `up` points up in the photo, unless there is none."""
+    upwards = -(candidates.rotations @ (up / np.linalg.norm(up)))[:, 1]
+    chosen = np.flatnonzero(upwards > 0)
+    return candidates[chosen] if len(chosen) else candidates
