@@ -9,19 +9,30 @@ import numpy as np
 import pytest
 
 
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    """Return where the solved and textured scene is kept: every test opens it again."""
+    return tmp_path_factory.mktemp("kept") / "textured.blend"
+
+
 @pytest.fixture
-def textured(imported):
+def textured(context, kept, request):
     """Return the scene, solved and textured."""
-    bpy.ops.fresco.solve_poses()
-    bpy.ops.fresco.texture_scan()
-    return imported
+    if not kept.exists():
+        request.getfixturevalue("imported")
+        bpy.ops.fresco.solve_poses()
+        bpy.ops.fresco.texture_scan()
+        bpy.ops.wm.save_as_mainfile(filepath=str(kept))
+    bpy.ops.wm.open_mainfile(filepath=str(kept))
+    return bpy.context.scene
 
 
 @pytest.fixture
 def target(textured, tmp_path):
-    """Return the folder that the panel is set to export to."""
+    """Return the folder that the panel is set to export to; the report, which takes long, is left out."""
     path = tmp_path / "kész munka"
     textured.fresco.export.folder = str(path)
+    textured.fresco.export.write_report = False
     return path
 
 
@@ -35,7 +46,7 @@ def glb_json(path):
 
 
 def test_everything_is_written(textured, target, folder):
-    textured.fresco.export.write_blend = True
+    textured.fresco.export.write_blend = textured.fresco.export.write_report = True
     assert bpy.ops.fresco.export() == {"FINISHED"}
     names = {path.name for path in target.iterdir()}
     assert names == {"scan.glb", "scan.obj", "scan.mtl", "scan_report.html", "scan.blend"}
@@ -102,8 +113,9 @@ def test_obj_is_in_true_coordinates(textured, target):
     assert sum(line.startswith("f ") for line in lines) == len(textured.fresco.scan.data.polygons)
 
 
-def test_unsaved_file_has_no_folder_beside_it(textured):
-    textured.fresco.export.folder = "//fresco/"
+def test_unsaved_file_has_no_folder_beside_it(imported):
+    imported.fresco.texture_report = "Covered\t1 %"
+    imported.fresco.export.folder = "//fresco/"
     with pytest.raises(RuntimeError, match="save that first, or choose a folder"):
         bpy.ops.fresco.export()
 
