@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import cv2
 import numpy as np
 
 from ..arrays import AnyArray, ArrayLike, BoolArray, Float32Array, FloatArray, IndexArray, IntArray
-from ..errors import OutputError
+from ..files import replacing
 from ..jobs import Job, Progress, drain, part
 from ..photos.view import View
 from ..settings import AtlasSettings
@@ -84,18 +85,14 @@ def bake_atlas_job(
     layout = photo_charts(triangles, len(points), selection, texel, settings.page_size, settings.padding)
     yield Progress(0.05, "Finding what to blend")
     mix = _mix(points, triangles, selection, views, settings, levels)
-    written: list[Path] = []
-    try:
-        for page in range(layout.pages):
+    paths = tuple(Path(folder) / f"{stem}.{1001 + page}.png" for page in range(layout.pages))
+    with ExitStack() as together:  # the pages get their names when all are there
+        for page, path in enumerate(paths):
+            file = together.enter_context(replacing(path))
             baking = _bake_page_job(page, layout, points, triangles, selection, views, mix)
             start, end = (0.1 + 0.9 * (page + k) / layout.pages for k in (0, 1))
             linear = yield from part(baking, start, end, f"Page {page + 1} of {layout.pages}: ")
-            path = Path(folder) / f"{stem}.{1001 + page}.png"
-            written.append(_write_page(path.with_suffix(".part.png"), linear, settings.depth))
-        paths = tuple(path.replace(path.with_name(path.name.replace(".part", ""))) for path in written)
-    finally:
-        for path in written:
-            path.unlink(missing_ok=True)
+            file.write(_coded_page(linear, settings.depth))
     return Atlas(layout, paths, texel)
 
 
@@ -254,14 +251,8 @@ def fill_margins(image: Float32Array, filled: BoolArray) -> Float32Array:
     return out
 
 
-def _write_page(path: Path, linear: Float32Array, depth: int) -> Path:
-    """Write a page as PNG in 8 or 16 bits."""
+def _coded_page(linear: Float32Array, depth: int) -> bytes:
+    """Code a page as PNG in 8 or 16 bits."""
     srgb = to_srgb(linear)
     codes = to_bytes(srgb) if depth == 8 else np.rint(srgb * np.float32(65535)).astype(np.uint16)
-    coded = cv2.imencode(".png", codes[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 3])[1]
-    try:
-        path.write_bytes(coded.tobytes())
-    except OSError as error:
-        path.unlink(missing_ok=True)
-        raise OutputError(f"{path}: the atlas cannot be written ({error.strerror}).") from error
-    return path
+    return cv2.imencode(".png", codes[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 3])[1].tobytes()

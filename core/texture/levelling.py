@@ -29,7 +29,8 @@ _DARK = 0.02
 """Linear value below which a colour says little about a factor."""
 _STIFFNESS = 0.1
 """Weight of equal factors along an edge of one photo against agreement along an edge of a seam."""
-_MOST = np.log(2.0)
+_MOST = np.log(1.5)
+"""Largest log factor: what is beyond is no seam step but detail that does not fit."""
 
 
 @dataclass(frozen=True, eq=False)

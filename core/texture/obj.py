@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import os
 import re
-import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 
 from ..arrays import AnyArray, ArrayLike, FloatArray, IntArray
-from ..errors import OutputError, TextureError
+from ..errors import TextureError
+from ..files import replacing
 from ..jobs import Job, Progress, drain
 from ..photos.view import View
 from .images import view_name
@@ -59,7 +57,7 @@ def write_obj_job(
         )
     materials = material_names(views)
     library = target.with_suffix(".mtl")
-    with _replacing(library) as mtl, _replacing(target) as obj:
+    with replacing(library) as mtl, replacing(target) as obj:
         mtl.write(_material_library(materials, views, selection, target.parent).encode())
         obj.write(f"# metres; textures are the original photos\nmtllib {library.name}\n".encode())
         shift = np.asarray(offset, dtype=np.float64)
@@ -162,21 +160,3 @@ def _numbered(faces: IntArray, corner_uv: IntArray | None) -> Iterator[tuple[flo
         return _rows(b"f %d %d %d\n", faces + 1)
     both: AnyArray = np.stack([faces, corner_uv], axis=2).reshape(len(faces), 6) + 1
     return _rows(b"f %d/%d %d/%d %d/%d\n", both)
-
-
-@contextmanager
-def _replacing(path: Path) -> Iterator[BinaryIO]:
-    """Write a file under a temporary name beside `path`, which it replaces only when all went well."""
-    try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
-    except OSError as error:
-        raise OutputError(f"{path.parent}: cannot write there ({error.strerror}).") from error
-    temporary = Path(name)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            yield file
-        temporary.replace(path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror}).") from error
-    finally:
-        temporary.unlink(missing_ok=True)
