@@ -1,6 +1,6 @@
 """Runs inside Blender's window: goes through the five steps by their buttons, and stops each by ESC first.
 
-Arguments: the folder with the small scene (scan.ply, photos/, many photos/, masks/), and one to export into.
+Arguments: the folder with the small scene (scan.ply, photos/, masks/), and one to export into.
 """
 
 import sys
@@ -20,10 +20,19 @@ def job():
     return bpy.context.window_manager.fresco_job
 
 
-def slow_down(slowly):
-    """One step of a job every three seconds, so that ESC comes in time; or as fast as usual."""
+def hold(on):
+    """Let jobs take two steps and then wait, so that ESC meets them half-way; or let them run."""
     jobs = sys.modules["bl_ext.user_default.fresco.addon.jobs"]
-    jobs.SLICE, jobs.TIMER_STEP = (0.0, 3.0) if slowly else (0.03, 0.01)
+    operator = jobs.JobOperator
+    if not hasattr(operator, "advance_freely"):
+        operator.advance_freely = operator._advance
+
+    def two_steps(self, context):
+        self.steps_taken = getattr(self, "steps_taken", 0) + 1
+        return self.advance_freely(context) if self.steps_taken <= 2 else {"RUNNING_MODAL"}
+
+    jobs.SLICE = 0.0 if on else 0.03
+    operator._advance = two_steps if on else operator.advance_freely
 
 
 def widen_sidebar(ui):
@@ -70,12 +79,11 @@ def choose(ui, text, folder, names=(), at=0.45):
     yield 0.1
 
 
-def stop(ui, name, picture=True):
-    """Stop the running step by ESC; a picture takes so long that short steps end meanwhile."""
+def stop(ui, name):
+    """Stop the running step by ESC."""
     yield from ui.wait(lambda: job().running, 10, f"{name} to run")
-    if picture:
-        yield 0.4
-        ui.shot(f"running {name}")
+    yield 0.4
+    ui.shot(f"running {name}")
     area = ui.area()
     yield from ui.move(area.x + area.width // 3, area.y + area.height // 2)
     yield from ui.key("ESC")
@@ -100,11 +108,11 @@ def park_mouse(ui):
 
 
 def step_scan(ui):
-    slow_down(True)
+    hold(True)
     yield from choose(ui, "fresco.import_scan", FOLDER, ["scan.ply"])
     yield from stop(ui, "import scan")
     assert fresco().scan is None and "scan" not in bpy.data.meshes
-    slow_down(False)
+    hold(False)
     yield from choose(ui, "fresco.import_scan", FOLDER, ["scan.ply"])
     yield from finished(ui)
     assert fresco().scan is not None
@@ -113,11 +121,11 @@ def step_scan(ui):
 
 
 def step_photos(ui):
-    slow_down(True)
-    yield from choose(ui, "fresco.import_photo_folder", FOLDER / "many photos", at=0.87)
+    hold(True)
+    yield from choose(ui, "fresco.import_photo_folder", FOLDER / "photos", at=0.87)
     yield from stop(ui, "import photos")
     assert len(fresco().photos) == 0 and not any(obj.type == "CAMERA" for obj in bpy.data.objects)
-    slow_down(False)
+    hold(False)
     yield from choose(ui, "fresco.import_photo_folder", FOLDER / "photos", at=0.87)
     yield from finished(ui)
     assert len(fresco().photos) == 3
@@ -161,11 +169,11 @@ def step_regions(ui):
     assert len(fresco().regions) == 3
     with ui.override():
         bpy.ops.object.mode_set(mode="OBJECT")
-    slow_down(True)
+    hold(True)
     yield from choose(ui, "fresco.import_mask_folder", FOLDER / "masks", at=0.87)
-    yield from stop(ui, "import masks", picture=False)
+    yield from stop(ui, "import masks")
     assert sum(len(photo.marks) for photo in fresco().photos) == 0
-    slow_down(False)
+    hold(False)
     yield from choose(ui, "fresco.import_mask_folder", FOLDER / "masks", at=0.87)
     yield from finished(ui)
     assert [len(photo.marks) for photo in fresco().photos] == [3, 3, 3]
@@ -174,13 +182,13 @@ def step_regions(ui):
 
 
 def step_pose(ui):
-    slow_down(True)
+    hold(True)
     before = fresco().photos[0].camera.matrix_world.copy()
     yield from press(ui, "fresco.solve_poses(only_active=False")
     yield from stop(ui, "solve poses")
     assert fresco().photos[0].camera.matrix_world == before
     assert [photo.state for photo in fresco().photos] == ["UNSOLVED"] * 3
-    slow_down(False)
+    hold(False)
     yield from press(ui, "fresco.solve_poses(only_active=False")
     yield from finished(ui)
     assert [photo.state for photo in fresco().photos] == ["SOLVED"] * 3
@@ -198,12 +206,12 @@ def step_pose(ui):
 
 
 def step_texture(ui):
-    slow_down(True)
+    hold(True)
     yield from press(ui, "fresco.texture_scan")
     yield from stop(ui, "texture")
     assert "Fresco" not in fresco().scan.data.uv_layers
     assert len(fresco().scan.data.materials) == 0
-    slow_down(False)
+    hold(False)
     yield from press(ui, "fresco.texture_scan")
     yield from finished(ui)
     assert "Fresco" in fresco().scan.data.uv_layers
@@ -228,11 +236,11 @@ def step_undo(ui):
 def step_export(ui):
     fresco().export.folder = str(OUTPUT)
     fresco().export.write_blend = True
-    slow_down(True)
+    hold(True)
     yield from press(ui, "fresco.export()")
     yield from stop(ui, "export")
     assert not [path for path in OUTPUT.iterdir() if ".part" in path.name]
-    slow_down(False)
+    hold(False)
     yield from press(ui, "fresco.export()")
     yield from finished(ui)
     written = {path.name for path in OUTPUT.iterdir()}

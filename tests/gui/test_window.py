@@ -11,7 +11,6 @@ extension, else the newest in dist/.
 
 import importlib.util
 import os
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -56,14 +55,11 @@ def room():
 
 @pytest.fixture
 def folder(tmp_path, room):
-    """Return a folder with the small scene and many copies of a photo, which take a while to import."""
+    """Return a folder with the small scene."""
     from fresco.core.cameras import PerspectiveCamera
 
     path = tmp_path / "Kápolna 1"
     room.write_all(path, PerspectiveCamera(*room.SIZE, room.K, room.DISTORTION))
-    (path / "many photos").mkdir()
-    for number in range(40):
-        shutil.copy(path / "photos" / "wall 1.png", path / "many photos" / f"copy {number}.png")
     return path
 
 
