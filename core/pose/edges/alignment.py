@@ -19,6 +19,9 @@ SAMPLES_PER_PIXEL = 2
 MATCH_SIGMA = 0.5
 """Standard deviation (px) of one match of an edge."""
 
+COMMON_SIGMA = 0.2
+"""Standard deviation (px) that the edges of one cell share."""
+
 CELLS = 8
 """The photo is cut into so many cells a side; errors within one are alike."""
 
@@ -84,13 +87,14 @@ def match_edges(
 class Photo:
     """One image level: its camera, its edges, and what may be wrong with matches there.
 
-    `search`: reach of the matching (px); `bias`: standard deviation (px) that the edges of one cell share.
+    `search`: reach of the matching (px); `doubt`: width (px) of the matching that judges how far the edges of
+    a part of the photo may be off together.
     """
 
     camera: Camera
     field: EdgeField
     search: float
-    bias: float
+    doubt: float
 
 
 def align_edges(
@@ -103,15 +107,17 @@ def align_edges(
 ) -> Alignment:
     """Gauss-Newton steps with ever narrower matching. Source: method.md 2.6, eq. 3.31."""
     for width in widths:
+        inflation = _inflation(photo, edges, rotation, centre, width)
         for _ in range(8):
             system = _linearise(photo, edges, rotation, centre, width)
-            step = _fused_step(system, prior, rotation, centre)
+            step = _fused_step(system, inflation, prior, rotation, centre)
             rotation, centre = step_pose(rotation, centre, step)
-            if float(np.abs(system.jacobian @ step).mean()) < 0.02:
+            if float(np.abs(system.jacobian @ step).max(initial=0.0)) < 0.05:
                 break
     system = _linearise(photo, edges, rotation, centre, widths[-1])
     information, _ = prior.pull(rotation, centre)
-    covariance = invert_scaled(system.hessian / system.inflation + information)
+    inflation = _inflation(photo, edges, rotation, centre, widths[-1])
+    covariance = invert_scaled(system.hessian / inflation + information)
     return Alignment(rotation, centre, covariance, system.matched, system.cells)
 
 
@@ -130,17 +136,26 @@ class _System:
         """Cells of the photo that hold the pose."""
         return int((np.bincount(self.cell, minlength=1) >= 5).sum())
 
-    @property
-    def inflation(self) -> float:
-        """Factor on the covariance from the disagreement between cells, at least 1.
 
-        Source: cluster-robust ("sandwich") variance, Liang and Zeger 1986, its mean over the unknowns.
-        """
-        sums = np.zeros((CELLS * CELLS, 6))
-        np.add.at(sums, self.cell, self.pulls)
-        used = len(np.unique(self.cell))
-        spread = sums.T @ sums * used / max(used - 6, 1)
-        return max(1.0, float(np.trace(invert_scaled(self.hessian) @ spread)) / 6.0)
+def _inflation(
+    photo: Photo, edges: ScanEdges, rotation: FloatArray, centre: FloatArray, width: float
+) -> float:
+    """Factor on the covariance at `width` from the disagreement between the photo's cells, at least 1.
+
+    Edges of one cell err together (a worn cornice, a shadow), so the cells' pulls are the independent ones.
+    Of a noisy scan they are taken with wide matching: a narrow one finds some edge near every place and hides
+    what a whole cell is off. Source: cluster-robust ("sandwich") variance, Liang and Zeger 1986, its mean
+    over the unknowns.
+    """
+    wide = _linearise(photo, edges, rotation, centre, max(width, photo.doubt))
+    narrow = _linearise(photo, edges, rotation, centre, width)
+    sums = np.zeros((CELLS * CELLS, 6))
+    np.add.at(sums, wide.cell, wide.pulls)
+    used = len(np.unique(wide.cell))
+    spread = sums.T @ sums * used / max(used - 6, 1)
+    inverse = invert_scaled(wide.hessian)
+    ratio = float(np.trace(inverse @ narrow.hessian)) / 6.0
+    return max(1.0, ratio * float(np.trace(inverse @ spread)) / 6.0)
 
 
 def _linearise(
@@ -154,22 +169,21 @@ def _linearise(
     jacobian = np.einsum("ni,nik->nk", normals, by_pose)
     matches = match_edges(photo.field, pixels, normals, width, photo.search)
     cell = _cells(photo.camera, pixels)
-    weight = _weights(matches.weight * edges.strength[usable], cell, photo.bias)
+    weight = _weights(matches.weight * edges.strength[usable], cell)
     hessian = (jacobian * weight[:, None]).T @ jacobian
     pulls = (weight * -matches.distance)[:, None] * jacobian
     return _System(jacobian, hessian, pulls, cell, float((matches.weight > 0.25).sum()))
 
 
-def _weights(strength: FloatArray, cell: IndexArray, bias: float) -> FloatArray:
-    """Information (1/px^2) of each match.
+def _weights(strength: FloatArray, cell: IndexArray) -> FloatArray:
+    """Information (1/px^2) of each match: its strength relative to the usual one, at most twice that.
 
-    Edges of one cell err together (a worn cornice, a shadow, coarse triangles): however many they are, they
-    never tell more than their common `bias` allows.
+    However many edges a cell has, they never tell more than what they may err in common allows.
     """
     usual = float(np.median(strength[strength > 0])) if (strength > 0).any() else 1.0
     count = np.minimum(strength / usual, 2.0)
     total = np.bincount(cell, count, minlength=CELLS * CELLS)
-    weight: FloatArray = count / (MATCH_SIGMA**2 + bias**2 * total[cell])
+    weight: FloatArray = count / (MATCH_SIGMA**2 + COMMON_SIGMA**2 * total[cell])
     return weight
 
 
@@ -180,9 +194,10 @@ def _cells(camera: Camera, pixels: FloatArray) -> IndexArray:
     return out
 
 
-def _fused_step(system: _System, prior: PosePrior, rotation: FloatArray, centre: FloatArray) -> FloatArray:
+def _fused_step(
+    system: _System, inflation: float, prior: PosePrior, rotation: FloatArray, centre: FloatArray
+) -> FloatArray:
     information, pull = prior.pull(rotation, centre)
-    inflation = system.inflation
     hessian = system.hessian / inflation + information
     return -solve_scaled(hessian, system.pulls.sum(axis=0) / inflation + pull, damping=1e-9)
 

@@ -85,7 +85,7 @@ def refine_pose_by_edges_job(
     for number, (scale, widths) in enumerate(rounds):
         yield Progress(0.1 + 0.8 * number / len(rounds), f"Aligning edges at {scale:.0%} of the photo")
         if photo is None or scale != last_scale:
-            photo, last_scale = _photo(view, scale, triangle, scan, settings), scale
+            photo, last_scale = _photo(view, scale, scan, settings), scale
         edges = find_scan_edges(photo.camera, rotation, centre, scan, settings)
         fit, _ = _divided(edges, settings, rng)
         alignment = align_edges(photo, fit, rotation, centre, prior, widths)
@@ -95,14 +95,11 @@ def refine_pose_by_edges_job(
     return _decide(view, origin, photo, scan, prior, alignment, settings)
 
 
-def _photo(view: View, scale: float, triangle: float, scan: Scan, settings: EdgeSettings) -> Photo:
-    """The photo's edges at `scale`; `triangle`: side of the scan's triangles in pixels of the full photo.
-
-    A noisy scan has lost its edges within half a triangle; a smooth one holds them better.
-    """
+def _photo(view: View, scale: float, scan: Scan, settings: EdgeSettings) -> Photo:
+    """The photo's edges at `scale`; those of a noisy scan are doubted more."""
     field = photo_edge_field(read_view(view, scale), read_view_mask(view, scale))
-    lost = 0.5 * triangle * scale * min(1.0, scan.noise / np.radians(ROUGH))
-    return Photo(view.camera.scaled(scale), field, settings.search, max(float(lost), 0.2))
+    doubt = 0.75 * settings.search * min(1.0, scan.noise / np.radians(ROUGH))
+    return Photo(view.camera.scaled(scale), field, settings.search, float(doubt))
 
 
 def _triangle_size(view: View, prior: PosePrior, scan: Scan) -> float:

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from ...arrays import FloatArray, IndexArray
 from ...cameras.base import Camera
+from ...jobs import Job, Progress
 from ...settings import JointSettings, PointSettings
 from ..points.consensus import search_poses
 from ..points.perturbation import camera_points
@@ -20,18 +21,19 @@ SAMPLE = 300
 """Features of a photo that stand for the surface it sees."""
 
 
-def choose_pairs(
+def choose_pairs_job(
     cameras: Sequence[Camera],
     poses: Sequence[tuple[FloatArray, FloatArray]],
     hits: Sequence[Hits],
     surface: Surface,
     settings: JointSettings,
-) -> list[tuple[int, int]]:
+) -> Job[list[tuple[int, int]]]:
     """Pairs (i, j), i < j, of photos that see enough of the same surface from similar directions."""
     count = len(cameras)
     overlap = np.zeros((count, count))
     limit = np.cos(np.radians(settings.max_parallax))
     for i in range(count):
+        yield Progress(i / count, "Choosing photos to match")
         points = hits[i].points[np.isfinite(hits[i].points[:, 0])][:SAMPLE]
         if len(points) < settings.min_ties:
             continue

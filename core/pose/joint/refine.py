@@ -16,7 +16,7 @@ from ..points.pictures import view_name
 from ..pose import Pose
 from .adjustment import Network, Prior, covariances
 from .features import Features, Hits, Surface, detect_features, meet_scan
-from .matching import choose_pairs, match_closely, match_roughly
+from .matching import choose_pairs_job, match_closely, match_roughly
 from .solution import Solution, solve_network_job
 
 Matches = dict[tuple[int, int], IndexArray]
@@ -133,12 +133,12 @@ class _Group:
         """Matches of all pairs of photos that see the same surface."""
         poses = list(zip(network.rotations, network.centres, strict=True))
         cameras = [view.camera for view in self.views]
-        yield Progress(0.0, "Choosing photos to match")
-        pairs = choose_pairs(cameras, poses, hits, self.surface, self.settings)
+        chosen = choose_pairs_job(cameras, poses, hits, self.surface, self.settings)
+        pairs = yield from part(chosen, 0.0, 0.1)
         matches: Matches = {}
         for number, (i, j) in enumerate(pairs):
             names = f"{view_name(self.views[i], i)} with {view_name(self.views[j], j)}"
-            yield Progress(number / len(pairs), f"Matching {names}")
+            yield Progress(0.1 + 0.9 * number / len(pairs), f"Matching {names}")
             a, b = self.features[i], self.features[j]
             predicted = self.predicted(network, hits[i], j)
             if rough:
