@@ -18,7 +18,8 @@ class MarkingOperator(StepOperator):
 
     `job` prepares, `begin` is called with its result, then `handle` with every event until it returns True
     (done)
-    or False (given up); `draw_stroke` shows the stroke.
+    or False (given up); `path` are the mouse's places in the region since the button went down, also while
+    preparing; `draw_stroke` shows the stroke.
     """
 
     bl_options = {"REGISTER", "UNDO"}
@@ -46,6 +47,7 @@ class MarkingOperator(StepOperator):
         self._handle = self._timer = None
         self._area, self._region = context.area, context.region
         self.pressed, self.released = (event.mouse_region_x, event.mouse_region_y), False
+        self.path = [self.pressed]
         self.ready_for_mouse = False
         try:
             self._job = self.job(context)
@@ -72,6 +74,8 @@ class MarkingOperator(StepOperator):
         return {"FINISHED"} if done else {"CANCELLED"}
 
     def _step(self, context: bpy.types.Context, event: bpy.types.Event) -> bool | None:
+        if event.type in {"MOUSEMOVE", "INBETWEEN_MOUSEMOVE"} and not self.released:
+            self.path.append((event.mouse_region_x, event.mouse_region_y))
         if not self.ready_for_mouse:
             if event.type == "LEFTMOUSE" and event.value == "RELEASE":
                 self.released = True

@@ -35,8 +35,6 @@ _CLOSE = 12  # screen pixels from the first corner at which a click closes a pol
 class PhotoStroke(MarkingOperator):
     """Mixin: a stroke in the Image Editor."""
 
-    photo: FrescoPhoto
-
     @classmethod
     def ready(cls, context: bpy.types.Context) -> bool:
         cls.poll_message_set("Show an imported photo in the Image Editor")
@@ -49,11 +47,11 @@ class PhotoStroke(MarkingOperator):
     def start(self, context: bpy.types.Context) -> None:
         """Remember the photo: the list may change while the stroke lasts."""
         photo = targets.shown_photo(context)
-        self.name, self.size = photo.name, tuple(photo.image.size)
+        self.photo_name, self.size = photo.name, tuple(photo.image.size)
 
     def target(self, context: bpy.types.Context) -> FrescoPhoto:
         """Return the photo that the stroke began on."""
-        photo = context.scene.fresco.photos.get(self.name)
+        photo = context.scene.fresco.photos.get(self.photo_name)
         if photo is None:
             raise RegionError("The photo was removed while it was marked.")
         return photo
@@ -105,11 +103,16 @@ class DrawnStroke(PhotoStroke):
         return super().invoke(context, event)
 
     def begin(self, context: bpy.types.Context, prepared: None) -> None:
-        self.points = [targets.to_pixel(context, *self.pressed, self.size)]
+        self.points: list[FloatArray] = []
+        self._follow(context)
+
+    def _follow(self, context: bpy.types.Context) -> None:
+        """Take over where the mouse has been."""
+        new = self.path[len(self.points) :]
+        self.points.extend(targets.to_pixel(context, *place, self.size) for place in new)
 
     def handle(self, context: bpy.types.Context, event: bpy.types.Event) -> bool | None:
-        if event.type in {"MOUSEMOVE", "INBETWEEN_MOUSEMOVE"}:
-            self.points.append(self.place(context, event))
+        self._follow(context)
         return True if self.is_release(event) else None
 
     def draw_stroke(self) -> None:
@@ -176,6 +179,10 @@ class FRESCO_OT_photo_polygon(DrawnStroke, bpy.types.Operator):
     bl_description = (
         "Click corner by corner; Enter or a click on the first corner closes, Backspace takes a corner back"
     )
+
+    def begin(self, context: bpy.types.Context, prepared: None) -> None:
+        self.points = [targets.to_pixel(context, *self.pressed, self.size)]
+        self.released = False  # it was the first corner's click
 
     def handle(self, context: bpy.types.Context, event: bpy.types.Event) -> bool | None:
         if event.value == "PRESS" and event.type in {"RET", "NUMPAD_ENTER"}:

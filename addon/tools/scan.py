@@ -43,15 +43,12 @@ class ScanStroke(MarkingOperator):
 
     def begin(self, context: bpy.types.Context, prepared: PreparedScan) -> None:
         self.scan = prepared
-        self.points = [self.pressed]
 
     def handle(self, context: bpy.types.Context, event: bpy.types.Event) -> bool | None:
-        if event.type in {"MOUSEMOVE", "INBETWEEN_MOUSEMOVE"}:
-            self.points.append((event.mouse_region_x, event.mouse_region_y))
         return True if self.is_release(event) else None
 
     def draw_stroke(self) -> None:
-        draw_loops([np.array(self.points, dtype=np.float64)], PREVIEW, closed=False)
+        draw_loops([np.array(self.path, dtype=np.float64)], PREVIEW, closed=False)
 
     def hits(self, places: list[tuple[float, float]]) -> tuple[IndexArray, FloatArray]:
         """Faces (n,) and points (n,3), metres, under places of the region.
@@ -118,18 +115,18 @@ class FRESCO_OT_scan_brush(ScanStroke, bpy.types.Operator):
 
     def draw_stroke(self) -> None:
         super().draw_stroke()
-        centre = np.array(self.points[-1], dtype=np.float64)
+        centre = np.array(self.path[-1], dtype=np.float64)
         draw_loops([circle(centre, bpy.context.scene.fresco_marking.radius)], PREVIEW)
 
     def apply(self, context: bpy.types.Context) -> None:
         radius = context.scene.fresco_marking.radius
-        aside = [(x + radius, y) for x, y in self.points]
-        _, centres = self.hits(self.points)
+        aside = [(x + radius, y) for x, y in self.path]
+        _, centres = self.hits(self.path)
         if len(centres) == 0:
             raise RegionError("The stroke is not on the scan.")
         middle = self.scan.index.middle.astype(np.float64) + self.scan.index.centre
         inside = np.zeros(len(middle), dtype=np.bool_)
-        for place, beside in zip(self.points, aside, strict=True):
+        for place, beside in zip(self.path, aside, strict=True):
             _, hit = self.hits([place])
             if len(hit):
                 size = self._world_radius(place, beside, hit[0])
@@ -155,13 +152,13 @@ class FRESCO_OT_scan_lasso(ScanStroke, bpy.types.Operator):
     )
 
     def draw_stroke(self) -> None:
-        draw_loops([np.array(self.points, dtype=np.float64)], PREVIEW, closed=len(self.points) > 2)
+        draw_loops([np.array(self.path, dtype=np.float64)], PREVIEW, closed=len(self.path) > 2)
 
     def apply(self, context: bpy.types.Context) -> None:
         region = self._region
         middle = self.scan.index.middle.astype(np.float64) + self.scan.index.centre
         places, before = on_screen(self.view, middle, region.width, region.height)
-        mask = polygon_mask([np.array(self.points)], region.width, region.height)
+        mask = polygon_mask([np.array(self.path)], region.width, region.height)
         before &= np.all((places >= 0) & (places < [region.width, region.height]), axis=1)
         before &= facing_view(self.view, middle, self.scan.index.normal)
         cells = places[before].astype(np.int64)
