@@ -14,6 +14,7 @@ from scipy.sparse import bsr_matrix, csr_matrix
 
 from ...arrays import BoolArray, FloatArray, IndexArray
 from ...geometry.rigid import exp_so3, log_so3
+from ...jobs import Job, Progress, drain
 from ..points.perturbation import camera_point_jacobian, invert_scaled
 from ..points.sightings import reprojection
 from .tracks import Tracks
@@ -146,9 +147,15 @@ class Problem:
 
 def adjust(problem: Problem, network: Network, iterations: int = 25) -> Network:
     """Levenberg–Marquardt over all photos and points."""
+    return drain(adjust_job(problem, network, iterations))
+
+
+def adjust_job(problem: Problem, network: Network, iterations: int = 25) -> Job[Network]:
+    """Job of `adjust`: one step per iteration."""
     system = problem.linearise(network)
     damping = 1e-4
-    for _ in range(iterations):
+    for number in range(iterations):
+        yield Progress(number / iterations, f"Adjusting {problem.tracks.count} points")
         trial = network.moved(*_step(problem, system, damping))
         trial_system = problem.linearise(trial)
         if trial_system.cost >= system.cost:

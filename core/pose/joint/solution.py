@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...arrays import BoolArray, FloatArray, IndexArray
-from ...jobs import Job, Progress
+from ...jobs import Job, part
 from ...settings import JointSettings
 from .adjustment import (
     Network,
@@ -16,7 +16,7 @@ from .adjustment import (
     Prior,
     Problem,
     ScanTies,
-    adjust,
+    adjust_job,
     estimate_noise,
     without_outliers,
 )
@@ -57,10 +57,10 @@ def solve_network_job(
     noise = Noise(pixel=1.0, scan=settings.scan_sigma)
     problem = Problem(tracks, meet_tracks(network, tracks, surface, settings), prior, noise)
     for number in range(ROUNDS if tracks.count else 0):
-        yield Progress(number / ROUNDS, f"Adjusting {tracks.count} points seen by {len(features)} photos")
         ties = meet_tracks(network, problem.tracks, surface, settings)
         problem = replace(problem, ties=ties)
-        network = adjust(problem, network)
+        job = adjust_job(problem, network)
+        network = yield from part(job, number / ROUNDS, (number + 1) / ROUNDS)
         limit = 8.0 if number == 0 else 4.0
         problem, network = without_outliers(problem, network, limit)
         if problem.tracks.count:
