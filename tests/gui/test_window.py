@@ -65,7 +65,7 @@ def folder(tmp_path, room):
 
 def drive(blender, script, out, bound, *arguments):
     runner, archive = blender
-    command = [runner, "--zip", archive, "--out", out, "--timeout", 900, "--size", "1600x1300"]
+    command = [runner, "--zip", archive, "--out", out, "--timeout", 1500, "--size", "1600x1300"]
     for path in bound:
         command += ["--bind", path]
     command += [HERE / script, "--", *arguments]
