@@ -39,7 +39,7 @@ class RegionSettings:
     least_support: float = 0.4
     """Smallest share of a frame's side that an edge of the photo has to cover."""
 
-    line_limit: int = 192
+    line_limit: int = 240
     """Straight edges around a click that are combined to frames; time grows with the third power."""
 
     level_count: int = 40
@@ -224,7 +224,7 @@ class AtlasSettings:
     page_size: int = 4096
     """Side of a page in pixels; there are as many pages (UDIM tiles) as are needed."""
 
-    padding: int = 8
+    padding: int = 4
     """Pixels around each chart filled with its colours, so that smaller mip levels stay clean."""
 
     depth: Literal[8, 16] = 8

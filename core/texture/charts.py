@@ -17,6 +17,9 @@ from ..errors import TextureError
 from ..geometry.meshes import edge_pairs
 from .selection import Selection
 
+_BATCH = 0.9
+"""Share of a page's area that charts packed together take."""
+
 
 @dataclass(frozen=True, eq=False)
 class ChartLayout:
@@ -37,12 +40,13 @@ def photo_charts(
 ) -> ChartLayout:
     """Lay out connected faces of each photo, scaled so that a pixel covers `texel_size` m in the median.
 
-    Charts larger than a page are cut into pieces of half a page. Raises TextureError.
+    Large charts are cut along a grid, which fills the pages better than their ragged outlines; the colours
+    on both sides of such a cut come from the same pixels. Raises TextureError.
     """
     chart = _connected(faces, vertex_count, selection.view)
     scale = _chart_scale(chart, selection.texel_size, texel_size)
     uv = selection.uv * scale[chart][:, None, None]
-    chart = _cut_large(chart, uv, size // 2)
+    chart = _cut_large(chart, uv, max(size // 8, 32))
     low = np.full((chart.max() + 1, 2), np.inf)
     high = np.full((chart.max() + 1, 2), -np.inf)
     for axis in range(2):
@@ -67,12 +71,16 @@ def photo_charts(
 def pack_shelves(box: IndexArray, group: IndexArray, size: int) -> tuple[IndexArray, IndexArray, int]:
     """Pack boxes (C,2) of width and height onto pages: -> page (C,), corner (C,2), number of pages.
 
-    Boxes stand on shelves in order of height, group by group, so that a page needs few groups.
+    Boxes stand on shelves in order of height. Groups that fill about a page are packed together, so that a
+    page needs few of them.
     """
     page = np.zeros(len(box), dtype=np.int64)
     corner = np.zeros((len(box), 2), dtype=np.int64)
     x = y = shelf = current = 0
-    for chart in np.lexsort((-box[:, 0], -box[:, 1], group)):
+    by_group = np.argsort(group, kind="stable")
+    batch = np.empty(len(box), dtype=np.int64)
+    batch[by_group] = np.cumsum(box[by_group].prod(axis=1)) // int(_BATCH * size * size)
+    for chart in np.lexsort((-box[:, 0], -box[:, 1], batch)):
         width, height = box[chart]
         if x + width > size:
             x, y, shelf = 0, y + shelf, 0
