@@ -218,6 +218,51 @@ COLUMNS = (
 HEADER = "| " + " | ".join(COLUMNS) + " |\n" + "|---" * len(COLUMNS) + "|"
 
 VERBOSE = False
+DOCUMENT = Path(__file__).parents[2] / "docs" / "benchmarks.md"
+START, END = "<!-- poses from regions: start -->", "<!-- poses from regions: end -->"
+
+TEXT = """## Poses from regions
+
+`python tests/benchmarks/pose.py --write` makes this table: {count} cases per setting (seed {seed}), 24
+shapes of our own drawn by code, larger side 1 m, one to three of them 1-2 m apart and turned by up to
+30°, a camera 2-6 m away (wide cameras: half of it), any orientation and an origin up to 10 km away.
+Boundary errors are squares of 3-8 % of √area, set and cleared along the boundary until they have changed
+the stated share of the area, in the mask or (3-D) in the mesh. Masks go in, no hints. Errors are taken
+at the regions; δ is against the uncorrupted masks, `100 |A xor B| / (|A| + |B|)`. In brackets: the
+target. *wrong*: off by more than 3° without being flagged as ambiguous or refused. *locked*: the
+outlines were found to coincide. NEES: squared error in units of the reported covariance, 6 when
+perfectly calibrated, over unflagged poses. Times are CPU times of one thread from masks to pose, on
+whatever else the machine was doing; `cv2.solvePnP` on 100 points took {pnp:.2f} ms in the same run.
+
+{table}
+
+Published for the same protocol (perspective and omnidirectional, three regions): translation a few mm
+from exact regions in 1-3 s and 4-7 s, a few cm and rotation below 1° from 12-20 % boundary error; one
+curved region: δ below 5 %.
+"""
+
+
+def write(table, count, seed):
+    """Put the section into the document, in place of the one that is there."""
+    section = f"{START}\n{TEXT.format(table=table, count=count, seed=seed, pnp=pnp_time())}\n{END}"
+    text = DOCUMENT.read_text() if DOCUMENT.exists() else "# Benchmarks\n\n"
+    if START in text:
+        text = text[: text.index(START)] + section + text[text.index(END) + len(END) :]
+    else:
+        text = text.rstrip() + "\n\n" + section + "\n"
+    DOCUMENT.parent.mkdir(exist_ok=True)
+    DOCUMENT.write_text(text)
+
+
+def pnp_time():
+    """CPU milliseconds of cv2.solvePnP on 100 points."""
+    points = np.random.default_rng(0).uniform(-1, 1, (100, 3)) + np.array([0, 0, 4])
+    matrix = np.array(cases.perspective_camera().K)
+    pixels, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), matrix, None)
+    start = time.process_time()
+    for _ in range(100):
+        cv2.solvePnP(points, pixels, matrix, None)
+    return 10 * (time.process_time() - start)
 
 
 def main():
@@ -228,13 +273,18 @@ def main():
     parser.add_argument("--only", default="")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--verbose", action="store_true")
+    parser.add_argument("--write", action="store_true")
     options = parser.parse_args()
     VERBOSE = options.verbose
     count = options.count or (40 if options.quick else 200)
     print(HEADER, flush=True)
+    rows = [HEADER]
     for name in SETTINGS:
         if options.only in name:
-            print(row(run(name, count, options.seed)), flush=True)
+            rows.append(row(run(name, count, options.seed)))
+            print(rows[-1], flush=True)
+    if options.write:
+        write("\n".join(rows), count, options.seed)
 
 
 if __name__ == "__main__":

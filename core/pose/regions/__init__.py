@@ -1,4 +1,20 @@
-"""Pose from regions."""
+"""Pose from regions: where a camera stood, from patches seen both in its photo and on the scan.
+
+The stages, in the order of their modules:
+
+* `problem`: regions are checked, moved near the origin and given one flat chart each
+  (`geometry.charts`), so that every central camera shares the plane's mathematics.
+* `initial`, `algebraic`, `search`: moments up to order 4 of the photo's outline against those of the
+  projected boundary (`moment_pair`), whitened by what boundary noise does to them; starts need no
+  hints; Levenberg-Marquardt runs from all of them at once.
+* `contour`, `consensus`, `fitting`: moments average over drawing errors, so a search around each
+  solution looks for the pose at which most of the boundary lies exactly on the outline, first to a
+  fraction of a pixel, then, for hand-drawn outlines and jagged scans, within a few. Where it locks,
+  robust Gauss-Newton finishes.
+* `covariance`, `overlap`, `ambiguity`: how sure the pose is, how well it overlaps, and what else fits
+  as well.
+* `focal`: the same with an unknown focal length.
+"""
 
 from .estimate import estimate_pose, estimate_pose_job
 from .focal import CalibratedPose, estimate_pose_and_focal

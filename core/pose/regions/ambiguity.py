@@ -26,6 +26,9 @@ APART = np.radians(2.0)
 ALIKE_SHARE = 0.8
 """Of the best's share of boundary on the outline, what another pose must reach to be its equal."""
 
+EQUAL_SHARE = 0.97
+"""The same for being no worse at all, where the side that the faces are wound for decides."""
+
 LOOSE = 1.5
 """Degrees of standard deviation from which a pose counts as undecided."""
 
@@ -71,7 +74,10 @@ def _rivals(problem: Problem, fits: Sequence[OutlineFit]) -> list[OutlineFit]:
     in_front = [fit for fit in rivals if fit.front]
     if in_front and len(problem.outlines) > 1:
         return in_front
-    return sorted(rivals, key=lambda fit: not fit.front)
+    if nearest == np.inf:
+        return rivals
+    equal = [fit for fit in rivals if fit.share >= EQUAL_SHARE * rivals[0].share]
+    return sorted(equal, key=lambda fit: not fit.front) + rivals[len(equal) :]
 
 
 def _without_repetitions(fits: Sequence[OutlineFit]) -> list[OutlineFit]:

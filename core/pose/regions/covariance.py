@@ -14,7 +14,7 @@ from .moment_pair import MomentPair
 LEAST_CURVATURE = 0.2
 """Share of the weights' slope that is always kept, so that poorly matched outlines cannot look unsolvable."""
 
-GRAIN = 0.1
+GRAIN = 0.14
 """Pixels of error that a smoothed pixel outline keeps at every sample, however well it fits."""
 
 

@@ -55,7 +55,7 @@ def estimate_pose(
     PoseNotFound
         No pose makes the regions overlap; the text says what was reached.
 
-    Source: Alg. 2 and 3 in a chart per region, with the residuals and stages described in `docs/pose.md`.
+    Source: Alg. 2 and 3 in a chart per region, with the stages that the package describes.
     """
     return drain(estimate_pose_job(camera, image_regions, surface_regions, paired, up, initial, settings))
 
