@@ -34,7 +34,7 @@ class RegionSettings:
     """Marking regions in photos and on the scan."""
 
     working_size: int = 1536
-    """Longer side (pixels) of the copy on which the photo wand searches; outlines are finished at full resolution."""
+    """Longer side (pixels) of the copy that the photo wand searches; outlines are finished on the photo."""
 
     least_support: float = 0.4
     """Smallest share of a frame's side that an edge of the photo has to cover."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import ArrayLike, FloatArray, IndexArray
+from ..arrays import ArrayLike, FloatArray, IndexArray, IntArray
 from .edges import Gradient
 from .lines import STEP, LineSet
 
@@ -79,14 +79,13 @@ def _nearby_lines(lines: LineSet, point: FloatArray, limit: int) -> IndexArray:
         np.floor((np.arctan2(inward[:, 1], inward[:, 0]) / (2 * np.pi) + 1) * _SECTORS).astype(int) % _SECTORS
     )
     chosen = np.zeros(len(angle), dtype=np.bool_)
-    for rank in (
-        angle,
-        angle * apart,
-    ):  # wide as seen from the click; long, however far: the ends of a frieze
-        order = np.argsort(-rank * ~chosen, kind="stable")
-        order = order[(rank * ~chosen)[order] > 0]
+    # Mostly lines that look wide from the click; some that are long, however far: the ends of a frieze.
+    for rank, share in ((angle, 0.75), (angle * apart, 0.25)):
+        free = rank * ~chosen
+        order = np.argsort(-free, kind="stable")
+        order = order[free[order] > 0]
         for number in range(_SECTORS):
-            chosen[order[sector[order] == number][: limit // (2 * _SECTORS)]] = True
+            chosen[order[sector[order] == number][: int(share * limit / _SECTORS)]] = True
     return np.flatnonzero(chosen)
 
 
@@ -130,8 +129,8 @@ def joined(left: IndexArray, right: IndexArray) -> tuple[IndexArray, IndexArray]
     return x, y
 
 
-def _table(sides: _Sides, count: int) -> IndexArray:
-    table = np.full((count, count, count), -1, dtype=np.int64)
+def _table(sides: _Sides, count: int) -> IntArray:
+    table = np.full((count, count, count), -1, dtype=np.int32)
     table[sides.after, sides.on, sides.before] = np.arange(len(sides.on))
     return table
 

@@ -1,0 +1,154 @@
+"""Benchmark of one-click regions on fountain-P11: `python tests/benchmarks/regions.py [--write] [PHOTO ...]`.
+
+One click at the centre of every reference mask (photo wand) and on the face nearest to the centre of every
+reference face set (surface wand), nothing corrected; intersection over union with the reference. Pictures
+of the
+worst go to artefacts/regions/; `--write` puts the tables into docs/benchmarks.md. Times are CPU times of
+one thread.
+"""
+
+import argparse
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import cv2
+import numpy as np
+from fresco.core.regions.surface_index import index_surface
+from fresco.core.regions.surface_wand import grow_surface, region_faces
+from fresco.core.regions.wand import prepare_wand
+from fresco.core.scans import read_scan
+
+ROOT = Path(__file__).parents[2]
+DATA = ROOT.parent / "shared" / "data" / "fountain-P11"
+PICTURES = ROOT / "artefacts" / "regions"
+DOCUMENT = ROOT / "docs" / "benchmarks.md"
+
+
+def overlap(found, truth, weight=None):
+    """Intersection over union of two masks, optionally weighted."""
+    both, either = found & truth, found | truth
+    if weight is None:
+        return np.count_nonzero(both) / np.count_nonzero(either)
+    return weight[both].sum() / weight[either].sum()
+
+
+def photo_rows(photos):
+    """(photo, region, IoU of the default, IoU of the best level offered, seconds of click and finish)."""
+    rows = []
+    for photo in photos:
+        image = cv2.imread(str(DATA / "images" / f"{photo}.jpg"))[:, :, ::-1]
+        wand = prepare_wand(image)
+        for path in sorted((DATA / "masks" / photo).glob("*.png")):
+            truth = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) > 0
+            moments = cv2.moments(truth.astype(np.uint8), True)
+            start = time.process_time()
+            click = wand.click((moments["m10"] / moments["m00"], moments["m01"] / moments["m00"]))
+            clicked = time.process_time()
+            loops = wand.finished(click.level())
+            finished = time.process_time()
+            share = overlap(wand.mask(loops), truth)
+            offered = max(click.levels, key=lambda level: overlap(wand.mask([level.outline]), truth))
+            best = overlap(wand.mask(wand.finished(offered)), truth)
+            rows.append((photo, path.stem, share, max(best, share), clicked - start, finished - clicked))
+            print(*rows[-1][:2], *(f"{value:.3f}" for value in rows[-1][2:]), flush=True)
+            picture(image, truth, loops, f"{share:.3f} {photo} {path.stem}")
+    return rows
+
+
+def picture(image, truth, loops, name):
+    """Reference (green) and what was found (yellow) on the photo, cut out around both."""
+    canvas = np.ascontiguousarray(image[:, :, ::-1])
+    outlines, _ = cv2.findContours(truth.view(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(canvas, outlines, -1, (0, 255, 0), 3)
+    cv2.polylines(canvas, [np.round(loop).astype(np.int32) for loop in loops], True, (0, 220, 255), 3)
+    points = np.concatenate([outline[:, 0] for outline in outlines] + [np.round(loop) for loop in loops])
+    low = np.maximum(points.min(axis=0).astype(int) - 60, 0)
+    high = points.max(axis=0).astype(int) + 60
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    cv2.imwrite(str(PICTURES / f"{name}.png"), canvas[low[1] : high[1], low[0] : high[0]])
+
+
+def surface_rows():
+    """(region, IoU by area of the default, IoU of the best level offered, seconds of the click)."""
+    scan = read_scan(DATA / "mesh.ply")
+    labels = np.load(DATA / "regions.npz")
+    index = index_surface(scan.vertices, scan.faces)
+    rows = []
+    for region in json.loads((DATA / "regions.json").read_text())["regions"]:
+        members = labels[f"faces_{region['name']}"]
+        truth = np.zeros(index.face_count, dtype=bool)
+        truth[members] = True
+        middle = index.middle[members]
+        seed = int(members[np.argmin(np.sum((middle - middle.mean(axis=0)) ** 2, axis=1))])
+        start = time.process_time()
+        click = grow_surface(index, seed)
+        seconds = time.process_time() - start
+        shares = []
+        for level in click.levels:
+            found = np.zeros(index.face_count, dtype=bool)
+            found[region_faces(index, seed, level)] = True
+            shares.append(overlap(found, truth, index.area))
+        rows.append((region["name"], shares[click.best], max(shares), seconds))
+        print(rows[-1][0], *(f"{value:.3f}" for value in rows[-1][1:]), flush=True)
+    return rows
+
+
+def tables(photos, surfaces):
+    """Markdown of both tables."""
+    lines = [
+        "One click per region at the centre of the reference, nothing corrected. “Offered” is the best that",
+        "dragging the tolerance reaches. `python tests/benchmarks/regions.py --write`",
+        "",
+        "| photo wand, fountain-P11 | masks | IoU median | worst | offered, median |",
+        "|---|---|---|---|---|",
+    ]
+    for name in [*sorted({row[1] for row in photos}), "all"]:
+        chosen = np.array([row[2:4] for row in photos if name in (row[1], "all")])
+        middle = np.median(chosen, axis=0)
+        lines.append(
+            f"| {name} | {len(chosen)} | {middle[0]:.3f} | {chosen[:, 0].min():.3f} | {middle[1]:.3f} |"
+        )
+    clicks = np.median([row[4:6] for row in photos], axis=0)
+    lines += ["", f"Click {clicks[0]:.2f} s, finishing at full resolution {clicks[1]:.2f} s (median).", ""]
+    lines += ["| surface wand, fountain-P11 | IoU | offered | click, s |", "|---|---|---|---|"]
+    lines += [
+        f"| {name} | {share:.3f} | {best:.3f} | {seconds:.2f} |" for name, share, best, seconds in surfaces
+    ]
+    middle = np.median([row[1:] for row in surfaces], axis=0)
+    lines.append(f"| median | {middle[0]:.3f} | {middle[1]:.3f} | {middle[2]:.2f} |")
+    return "\n".join(lines)
+
+
+def write(text):
+    """Put the tables between the markers of docs/benchmarks.md."""
+    begin, end = "<!-- regions -->", "<!-- /regions -->"
+    document = DOCUMENT.read_text()
+    if begin not in document:
+        document = document.rstrip() + f"\n\n## Regions from one click\n\n{begin}\n{end}\n"
+    head, rest = document.split(begin, 1)
+    tail = rest.split(end, 1)[1]
+    DOCUMENT.write_text(f"{head}{begin}\n{text}\n{end}{tail}")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("photos", nargs="*")
+    parser.add_argument("--write", action="store_true")
+    arguments = parser.parse_args()
+    if not DATA.is_dir():
+        sys.exit(f"{DATA} is not there")
+    photos = arguments.photos or sorted(path.name for path in (DATA / "masks").iterdir())
+    text = tables(photo_rows(photos), surface_rows())
+    print(text)
+    if arguments.write:
+        write(text)
+
+
+if __name__ == "__main__":
+    main()
