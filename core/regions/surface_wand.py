@@ -19,6 +19,7 @@ from .surface_index import SurfaceIndex, SurfacePatches, component, reduced_pair
 _GROWTH = 1.35  # ratio of neighbouring tolerances
 _SAMPLE = 1200  # points that a fit looks at
 _ROUNDS = 5
+_LIMITS = (8_000, 60_000)  # patches looked at first, and when the region reaches their border
 _FEW = 30  # patches below which a region's outline is too coarse to tell what it encloses
 _BORDER_ANGLE = 40.0  # degrees at which a face at the region's border belongs to what lies beyond
 
@@ -75,12 +76,27 @@ def grow_surface(index: SurfaceIndex, face: int, settings: RegionSettings | None
     settings = settings or RegionSettings()
     if not 0 <= face < index.face_count:
         raise RegionError("The click is not on the scan.")
+    start = _seed_fit(index, face, settings)
+    for limit in (*_LIMITS, len(index.patches.area)):
+        click, reach, radius = _grown_within(index, face, start, limit, settings)
+        if reach < 0.8 * radius or limit >= len(index.patches.area):
+            break  # nothing was cut off
+    return click
+
+
+def _grown_within(
+    index: SurfaceIndex, face: int, start: SurfaceFit, limit: int, settings: RegionSettings
+) -> tuple[SurfaceClick, float, float]:
+    """Levels among the `limit` patches nearest to a face; how far (m) the best reaches, and these do."""
     patches = index.patches
     node = int(patches.label[face])
-    start = _seed_fit(index, face, settings)
+    count = min(limit, len(patches.area))
+    radius = np.inf
+    if count < len(patches.area):
+        radius = float(np.asarray(patches.tree.query(patches.middle[node], [count])[0])[0])
     first = max(2.0 * index.noise, 0.1 * index.spacing, start.sigma)
     tolerances = first * _GROWTH ** np.arange(settings.surface_levels)
-    piece = _part(patches, node, start, 2.0 * float(tolerances[-1]), settings)
+    piece = _part(patches, node, start, 2.0 * float(tolerances[-1]), radius, settings)
     seed = int(np.searchsorted(piece.node, node))
     levels, fit = [], start
     for tolerance in tolerances:
@@ -93,12 +109,13 @@ def grow_surface(index: SurfaceIndex, face: int, settings: RegionSettings | None
             "This is a loose triangle without neighbours: click on the surface, or use the brush."
         )
     scores = [_score(piece, levels, k, seed) for k in range(len(levels))]
+    best = int(np.argmax(scores[:-1] or scores))  # how stable the last one is nobody knows
+    far = np.linalg.norm(piece.middle[levels[best].patches] - piece.middle[seed], axis=1).max()
     rated = tuple(
         replace(level, patches=piece.node[level.patches].astype(np.int64), score=score)
         for level, score in zip(levels, scores, strict=True)
     )
-    # How stable the last one is nobody knows.
-    return SurfaceClick(face, rated, int(np.argmax(scores[:-1] or scores)))
+    return SurfaceClick(face, rated, best), float(far), radius
 
 
 def region_faces(index: SurfaceIndex, face: int, level: SurfaceLevel) -> IndexArray:
@@ -130,11 +147,14 @@ def _seed_fit(index: SurfaceIndex, face: int, settings: RegionSettings) -> Surfa
 
 
 def _part(
-    patches: SurfacePatches, node: int, fit: SurfaceFit, depth: float, settings: RegionSettings
+    patches: SurfacePatches, node: int, fit: SurfaceFit, depth: float, radius: float, settings: RegionSettings
 ) -> _Part:
     """Patches near the seed's surface, as far as they hang together."""
     reach = np.linalg.norm(patches.middle - patches.middle[node], axis=1)
-    close = np.abs(fit.distance(patches.middle)) < depth + settings.tilt * reach  # the first fit is uncertain
+    close = reach <= radius
+    close &= (
+        np.abs(fit.distance(patches.middle)) < depth + settings.tilt * reach
+    )  # the first fit is uncertain
     close[node] = True
     inside = np.zeros(len(close), dtype=np.bool_)
     inside[component(patches.pair, close, node)] = True
