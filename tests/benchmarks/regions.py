@@ -19,10 +19,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import cv2
 import numpy as np
+import trimesh
 from fresco.core.regions.surface_index import index_surface
 from fresco.core.regions.surface_wand import grow_surface, region_faces
 from fresco.core.regions.wand import prepare_wand
-from fresco.core.scans import read_scan
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data" / "fountain-P11"
@@ -76,7 +76,8 @@ def picture(image, truth, loops, name):
 
 def surface_rows():
     """(region, IoU by area of the default, IoU of the best level offered, seconds of the click)."""
-    scan = read_scan(DATA / "mesh.ply")
+    # As stored: reading a scan drops faces without area, and the reference counts them.
+    scan = trimesh.load(DATA / "mesh.ply", process=False)
     labels = np.load(DATA / "regions.npz")
     index = index_surface(scan.vertices, scan.faces)
     rows = []
