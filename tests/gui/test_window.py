@@ -6,12 +6,13 @@ Environment variables say which Blender: FRESCO_GUI_RUN is a program that is cal
 
 It installs the extension into a fresh profile, runs the script's `steps(ui)` inside Blender's window, and
 ends with 0 when all went well and no callback printed a traceback. FRESCO_EXTENSION_ZIP is the built
-extension, else the newest in dist/.
+extension; without it, the extension is built from the tree.
 """
 
 import importlib.util
 import os
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -26,8 +27,10 @@ def extension_zip():
     given = os.environ.get("FRESCO_EXTENSION_ZIP", "")
     if given:
         return Path(given)
-    built = sorted((ROOT / "dist").glob("fresco-*linux*.zip"), key=lambda path: path.stat().st_mtime)
-    return built[-1] if built else None
+    command = [sys.executable, ROOT / "tools" / "build_extension.py", "build", "linux-x64"]
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return Path(done.stdout.split()[-1])
 
 
 @pytest.fixture(scope="session")
@@ -38,8 +41,8 @@ def blender():
     if not Path(RUNNER).exists():
         pytest.fail(f"FRESCO_GUI_RUN: there is no {RUNNER}")
     archive = extension_zip()
-    if archive is None or not archive.exists():
-        pytest.skip("no built extension: run “make extension”, or set FRESCO_EXTENSION_ZIP")
+    if not archive.exists():
+        pytest.fail(f"FRESCO_EXTENSION_ZIP: there is no {archive}")
     return RUNNER, archive
 
 
