@@ -89,8 +89,8 @@ class PoseSettings:
     """Camera poses from regions."""
 
     overlap_limit: float = 20.0
-    """Largest overlap error (%) at which a pose counts as found. Roughly drawn regions overlap by no better than
-    their own drawing error; a wrong pose leaves more."""
+    """Largest overlap error (%) at which a pose counts as found. Roughly drawn regions overlap by no better
+    than their own drawing error; a wrong pose leaves more."""
 
 
 @dataclass(frozen=True)
@@ -270,4 +270,3 @@ class EdgeSettings:
 
     seed: int = 0
     """Start of the random numbers: the same photo gives the same pose."""
-
