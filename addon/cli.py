@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 import time
+import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -18,12 +19,20 @@ _BLENDER_MISSING = (
     "Fresco needs Blender's Python module to write .blend and .glb: install it with “pip install bpy”, or "
     "run “blender --command fresco run PROJECT”."
 )
+_DEFECT = (
+    "This is a defect of Fresco, not of your project: please report it with the lines above. Finished stages "
+    "are kept for the next run."
+)
 _LINE_STEP = 0.5  # s between two lines of progress of the same work
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command `fresco` and end the process with its exit code."""
-    code = run_command(sys.argv[1:] if arguments is None else arguments, _start_blender)
+    try:
+        code = run_command(sys.argv[1:] if arguments is None else arguments, _start_blender)
+    except Exception:
+        traceback.print_exc()
+        code = _stop(_DEFECT, FAILED)
     sys.stdout.flush()
     sys.stderr.flush()
     # Blender's module does not end by itself while anything is registered with it.

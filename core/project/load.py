@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import FloatArray
 from ..errors import ProjectError
 from ..scans.read import READERS
 from ..settings import PoseSettings, ScanSettings, TextureSettings
@@ -34,14 +35,13 @@ def load_project(path: Path | str) -> Project:
     if version != VERSION:
         root.fail("fresco", f"has to be {VERSION}, the version of the file format")
     pose = root.table("pose")
-    up = np.array(pose.numbers("up", [3])) if "up" in pose else None
     project = Project(
         path=path,
         scan=_scan(root.table("scan", required=True)),
         regions=_regions(root),
         photos=read_photos(root),
+        up=_up(pose),
         pose=_settings(pose, PoseSettings),
-        up=up,
         texture=_settings(root.table("texture"), TextureSettings),
         output=_output(root.table("output"), path),
     )
@@ -51,7 +51,7 @@ def load_project(path: Path | str) -> Project:
 
 def _parse(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # editors on Windows add a byte order mark
     except FileNotFoundError:
         raise ProjectError(path, "", "there is no such project file") from None
     except OSError as error:
@@ -60,6 +60,16 @@ def _parse(path: Path) -> dict[str, Any]:
         raise ProjectError(path, "", f"is not UTF-8 text ({error.reason})") from error
     except tomllib.TOMLDecodeError as error:
         raise ProjectError(path, "", f"is not TOML: {error}") from error
+
+
+def _up(table: Table) -> FloatArray | None:
+    """Direction (3,) that points up in upright photos, None when it is not told."""
+    if "up" not in table:
+        return None
+    up = np.array(table.numbers("up", [3]))
+    if not up.any():
+        table.fail("up", "has no direction; give where up is in the scan's axes, such as [0, 0, 1]")
+    return up
 
 
 def _scan(table: Table) -> ScanEntry:

@@ -165,7 +165,8 @@ def _key(
 ) -> str:
     """Fingerprint of all that the pose depends on; the pixels of the photo are not among it."""
     outlines = [(image.name, image.frame, list(image.loops), surfaces[image.name]) for image in images]
-    return digest(code_digest(), camera_to_dict(photo.camera), outlines, settings, np.asarray(up or ()))
+    upward = np.asarray(() if up is None else up)
+    return digest(code_digest(), camera_to_dict(photo.camera), outlines, settings, upward)
 
 
 def pose_to_dict(result: PhotoPose) -> dict[str, Any]:

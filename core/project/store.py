@@ -5,6 +5,7 @@ Every result is kept with the fingerprint of all it was made from; with another 
 
 from __future__ import annotations
 
+import io
 import json
 import zipfile
 from pathlib import Path
@@ -54,4 +55,12 @@ class Store:
         """Keep arrays; raises OutputError."""
         if self.folder is not None:
             with replacing(self.folder / f"{name}.npz") as file:
-                np.savez(file, key=np.array(key), **arrays)
+                # One write of it all: on a full disk a half-open archive would complain once more at its end.
+                file.write(_packed(key, arrays))
+
+
+def _packed(key: str, arrays: dict[str, AnyArray]) -> memoryview:
+    """Arrays and their fingerprint as an .npz file in memory."""
+    packed = io.BytesIO()
+    np.savez(packed, key=np.array(key), **arrays)
+    return packed.getbuffer()

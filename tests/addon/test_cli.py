@@ -47,12 +47,12 @@ def project(folder, tmp_path):
     return write
 
 
-def fresco(*words, block_bpy=False, before=None):
-    """Run the command `fresco`, `before` in its process first; its exit code, output and error lines."""
+def fresco(*words, block_bpy=False, before=None, patch=""):
+    """Run the command `fresco`, `before` and the code `patch` in its process first; return how it ended."""
     code = "import sys; sys.argv[0] = 'fresco'\n"
     if block_bpy:
         code += "sys.modules['bpy'] = None\n"
-    code += "from fresco.addon.cli import main\nmain()"
+    code += f"from fresco.addon import cli\n{patch}\ncli.main()"
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     environment.pop("BLENDER_USER_RESOURCES", None)
     return subprocess.run(
@@ -156,6 +156,14 @@ def test_an_output_folder_that_cannot_be_made_ends_with_1(project, tmp_path):
     assert "/proc/nowhere" in done.stderr
 
 
+def test_a_defect_is_told_as_one_and_ends_with_1(extension, project):
+    done = fresco("run", project(), patch="cli.run_project_job = lambda project: 1 / 0")
+    assert done.returncode == 1, done.stderr  # a negative one is a signal
+    *_, error, sentence = done.stderr.strip().splitlines()
+    assert error == "ZeroDivisionError: division by zero"
+    assert sentence.startswith("fresco: This is a defect of Fresco, not of your project: please report it")
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="limits the size of files as only POSIX can")
 def test_a_disk_that_takes_no_more_leaves_nothing_half_written(project, tmp_path):
     import resource
@@ -164,6 +172,7 @@ def test_a_disk_that_takes_no_more_leaves_nothing_half_written(project, tmp_path
     done = fresco("run", project(), before=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)))
     assert done.returncode == 1
     assert "cannot be written" in done.stderr.splitlines()[0]
+    assert len(done.stderr.splitlines()) == 1, done.stderr
     written = [path for path in (tmp_path / "out put").rglob("*") if path.is_file()]
     assert not [path.name for path in written if ".part" in path.name or path.stat().st_size >= limit]
 

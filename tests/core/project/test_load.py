@@ -305,3 +305,19 @@ def test_pattern_may_go_up_from_the_project_file(folder):
     (folder / "projekt" / "terv.toml").write_text(text, encoding="utf-8")
     project = load_project(folder / "projekt" / "terv.toml")
     assert len(project.photos) == 2 and len(project.photos[0].photo.regions) == 2
+
+
+def test_up_is_a_direction(folder):
+    project = load_project(edit(folder, "[pose]\nup = [0, 0, 1]\n"))
+    np.testing.assert_array_equal(project.up, [0, 0, 1])
+
+
+def test_up_without_length_is_no_direction(folder):
+    reason = complaint(folder, "[pose]\nup = [0, 0, 0]\n")
+    assert reason == "pose.up: has no direction; give where up is in the scan's axes, such as [0, 0, 1]"
+
+
+def test_a_byte_order_mark_is_no_part_of_the_text(folder):
+    path = folder / "terv.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert len(load_project(path).photos) == 2

@@ -75,6 +75,14 @@ def test_provenance_tells_inputs_settings_and_every_photo(corner):
     assert record["texture"]["coverage"] == pytest.approx(result.textured.coverage)
 
 
+def test_a_vertical_direction_solves_upright_photos(corner):
+    path, truth = corner()
+    edit(path, "[output]", "[pose]\nup = [0, 0, 1]\n[output]")
+    result = run(path)
+    assert [pose.solved for pose in result.poses] == [True] * 3
+    assert errors(result, truth)[1].max() < 0.05
+
+
 def count_solved(monkeypatch):
     """Count the photos that are solved anew."""
     solved, original = [], pose_stage.estimate_pose_job
