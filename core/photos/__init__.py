@@ -3,7 +3,15 @@
 from .exif import Exif, read_exif
 from .image import SUFFIXES, check_complete, image_size, read_deep_image, read_image
 from .intrinsics import camera_from_exif, camera_matrix, focal_from_sensor
-from .marks import RegionMark, check_mask, polygons_to_geojson, read_mask, read_polygons, touches_frame
+from .marks import (
+    RegionMark,
+    check_mask,
+    check_outline,
+    polygons_to_geojson,
+    read_mask,
+    read_polygons,
+    touches_frame,
+)
 from .photo import Photo, open_photo
 from .view import View
 
@@ -17,6 +25,7 @@ __all__ = [
     "camera_matrix",
     "check_complete",
     "check_mask",
+    "check_outline",
     "focal_from_sensor",
     "image_size",
     "open_photo",

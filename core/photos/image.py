@@ -64,6 +64,8 @@ def image_size(path: Path | str) -> tuple[int, int]:
     """
     path = Path(path)
     data = _read_bytes(path, _HEAD)
+    if not data:
+        raise _empty(path)
     size = _header_size(data)
     if size is None:
         height, width = _decode(path, _read_bytes(path), cv2.IMREAD_UNCHANGED).shape[:2]
@@ -81,11 +83,15 @@ def check_complete(path: Path | str, data: bytes | None = None) -> None:
     """
     data = _read_bytes(Path(path)) if data is None else data
     if not data:
-        raise PhotoError(f"{path}: the photo file is empty; copy it again from the camera")
+        raise _empty(path)
     cut_jpeg = data.startswith(b"\xff\xd8") and not jpeg_complete(data)
     cut_png = data.startswith(b"\x89PNG") and b"IEND" not in data[-4096:]
     if cut_jpeg or cut_png:
         raise PhotoError(f"{path}: the photo is cut off (its end is missing); copy it again from the camera")
+
+
+def _empty(path: Path | str) -> PhotoError:
+    return PhotoError(f"{path}: the photo file is empty; copy it again from the camera")
 
 
 def _header_size(data: bytes) -> tuple[int, int] | None:

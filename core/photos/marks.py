@@ -39,6 +39,7 @@ class RegionMark:
         if mask is None:
             raise RegionError(f"Region “{self.name}” has neither mask nor polygon.")
         check_mask(mask, width, height, str(self.path or self.name))
+        check_outline(mask, str(self.path or self.name))
         return mask
 
 
@@ -92,6 +93,25 @@ def check_mask(mask: BoolArray, width: int, height: int, name: str) -> None:
         )
     if not mask.any():
         raise RegionError(f"{name}: the mask is empty; paint the region white")
+
+
+def check_outline(mask: BoolArray, name: str) -> None:
+    """Raise RegionError when a region's mask shows no outline inside the photo, or its surroundings instead.
+
+    An inverted mask is true along most of the frame, on all four sides; a region that is cut off by the
+    frame is not.
+    """
+    if mask.all():
+        raise RegionError(
+            f"{name}: the mask is white everywhere, it has no outline inside the photo; paint only the "
+            "region white"
+        )
+    sides = (mask[0], mask[-1], mask[:, 0], mask[:, -1])
+    if all(side.any() for side in sides) and np.concatenate(sides).mean() > 0.5:
+        raise RegionError(
+            f"{name}: the mask is white around most of the frame, on all four sides: is the mask inverted? "
+            "The region has to be white"
+        )
 
 
 def touches_frame(mask: BoolArray) -> bool:

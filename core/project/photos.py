@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -11,7 +11,7 @@ import numpy as np
 
 from ..arrays import FloatArray
 from ..cameras import Camera
-from ..errors import CameraError, FrescoError
+from ..errors import CameraError, FrescoError, RegionError
 from ..photos.exif import read_exif
 from ..photos.image import SUFFIXES, image_size
 from ..photos.intrinsics import camera_from_exif
@@ -47,8 +47,26 @@ def read_photos(project: Table) -> tuple[PhotoEntry, ...]:
         project.fail("photo", "is missing; name the photos with [[photo]] path = …")
     sizes = {draft.path: _told(draft, image_size, draft.path) for draft in drafts}
     _check_sizes(drafts, cameras, sizes)
-    entries = [_entry(draft, cameras, sizes[draft.path]) for draft in drafts]
-    return tuple(entry for entry in entries if entry is not None)
+    found = [(draft, _entry(draft, cameras, sizes[draft.path])) for draft in drafts]
+    entries = [(draft, entry) for draft, entry in found if entry is not None]
+    if not entries:
+        project.fail("photo", 'all photos have use = "none"; leave at least one in, with use = "texture"')
+    _check_marks_found(entries)
+    return tuple(entry for _, entry in entries)
+
+
+def _check_marks_found(entries: Sequence[tuple[_Draft, PhotoEntry]]) -> None:
+    """Refuse a pattern of marks that fits no photo at all: it is misspelt."""
+    marked: dict[int, tuple[Table, bool]] = {}
+    for draft, entry in entries:
+        table = draft.sources.get("regions")
+        if table is not None:
+            _, before = marked.get(id(table), (table, False))
+            marked[id(table)] = table, before or bool(entry.photo.regions)
+    for table, found in marked.values():
+        if not found and isinstance(pattern := table.get("regions"), str):
+            what = "mask" if "{region}" in pattern else "file of polygons"
+            table.fail("regions", f"no photo has a {what} there: {pattern}")
 
 
 def _cameras(project: Table) -> dict[str, CameraEntry]:
@@ -174,14 +192,28 @@ def _marks(draft: _Draft, size: tuple[int, int]) -> Iterator[RegionMark]:
     elif isinstance(value, str) and "{region}" in value:
         yield from (_mask_mark(name, path, table, size) for name, path in _matching(draft, table, value))
     elif isinstance(value, str):
-        path = table.resolve(value.replace("{photo}", draft.path.stem))
-        yield from (_told(draft, read_polygons, path).values() if path.is_file() else ())
+        yield from _polygons(draft, table, value)
     else:
         table.fail(
             "regions",
             "has to be a table { name = mask file }, a pattern like masks/{photo}/{region}.png, "
             "or a file of polygons",
         )
+
+
+def _polygons(draft: _Draft, table: Table, pattern: str) -> Iterator[RegionMark]:
+    """Polygons from the file that a pattern with perhaps {photo} names; a photo may have none."""
+    path = table.resolve(pattern.replace("{photo}", draft.path.stem))
+    if path.suffix.lower() in SUFFIXES:
+        table.fail(
+            "regions",
+            f"{pattern} does not say which region it marks: put {{region}} into its file name, or write "
+            f'{{ name = "{pattern}" }} with the name of the region',
+        )
+    try:
+        yield from read_polygons(path).values() if path.is_file() else ()
+    except RegionError as error:
+        table.fail("regions", str(error))
 
 
 def _matching(draft: _Draft, table: Table, pattern: str) -> Iterator[tuple[str, Path]]:
@@ -222,7 +254,7 @@ def _check_mask_size(path: Path, table: Table, key: str, size: tuple[int, int]) 
     try:
         width, height = image_size(path)
     except FrescoError as error:
-        table.fail(key, str(error).replace("photo", "mask"))
+        table.fail(key, str(error).replace("photo", "mask").replace(" from the camera", ""))
     if (width, height) != size:
         turned = " (it was made on the turned photo, turn it back)" if (height, width) == size else ""
         table.fail(key, f"{path} is {width} x {height} pixels, its photo {size[0]} x {size[1]}{turned}")

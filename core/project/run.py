@@ -181,7 +181,7 @@ def _pose_job(
     by_name = {result.photo: result for result in solved}
     poses = [by_name.get(entry.photo.name) or _given(entry, scan) for entry in project.photos]
     if not any(pose.solved for pose in poses):
-        reasons = "\n".join(f"{pose.photo}: {pose.failure}" for pose in poses[:5])
+        reasons = "\n".join(" ".join([f"{pose.photo}: {pose.failure}", *pose.notes]) for pose in poses[:5])
         raise PoseNotFound(f"None of the {len(poses)} photos found its place.\n{reasons}")
     return poses
 

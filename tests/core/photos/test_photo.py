@@ -219,6 +219,21 @@ def test_mask_at_the_frame():
         assert touches_frame(touching)
 
 
+def test_a_mask_without_outline_inside_the_photo(folder):
+    mask = np.ones((60, 80), bool)
+    with pytest.raises(RegionError, match="ajtó: the mask is white everywhere, it has no outline inside"):
+        RegionMark("ajtó", mask=mask).read_mask(80, 60)
+
+
+def test_an_inverted_mask_is_asked_about(folder):
+    mask = np.ones((60, 80), bool)
+    mask[20:40, 30:50] = False
+    with pytest.raises(RegionError, match=r"ajtó: .* on all four sides: is the mask inverted\?"):
+        RegionMark("ajtó", mask=mask).read_mask(80, 60)
+    mask[:, :20] = False  # cut off by three sides
+    np.testing.assert_array_equal(RegionMark("ajtó", mask=mask).read_mask(80, 60), mask)
+
+
 def test_polygons_there_and_back(folder):
     mark = RegionMark(
         "déli ablak",

@@ -321,3 +321,45 @@ def test_a_byte_order_mark_is_no_part_of_the_text(folder):
     path = folder / "terv.toml"
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
     assert len(load_project(path).photos) == 2
+
+
+def test_a_pattern_of_marks_that_fits_no_photo_is_misspelt(folder):
+    reason = complaint(folder, ("maszkok/{photo}", "maskok/{photo}"))
+    assert reason == "photo[1].regions: no photo has a mask there: maskok/{photo}/{region}.png"
+
+
+@pytest.mark.parametrize("name", ["maszkok/{photo}.geojson", "regions.json"])
+def test_a_file_of_polygons_that_is_not_there(folder, name):
+    reason = complaint(folder, ("maszkok/{photo}/{region}.png", name))
+    assert reason == f"photo[1].regions: no photo has a file of polygons there: {name}"
+
+
+def test_one_photo_without_marks_is_no_mistake(folder):
+    for mask in (folder / "maszkok" / "kép 2").iterdir():
+        mask.unlink()
+    project = load_project(folder / "terv.toml")
+    assert [len(entry.photo.regions) for entry in project.photos] == [2, 0]
+
+
+def test_a_mask_without_the_name_of_its_region(folder):
+    reason = complaint(folder, ("{photo}/{region}.png", "kép 1/ablak.png"))
+    assert reason.startswith("photo[1].regions: maszkok/kép 1/ablak.png does not say which region it marks")
+    assert '{ name = "maszkok/kép 1/ablak.png" }' in reason
+
+
+def test_polygons_that_are_no_json_are_told_with_their_key(folder):
+    (folder / "marks.json").write_text("{")
+    reason = complaint(folder, ("maszkok/{photo}/{region}.png", "marks.json"))
+    assert reason.startswith("photo[1].regions: ") and "marks.json: not a JSON file" in reason
+
+
+def test_all_photos_left_out(folder):
+    reason = complaint(folder, ("regions =", 'use = "none"\nregions ='))
+    assert reason == 'photo: all photos have use = "none"; leave at least one in, with use = "texture"'
+
+
+def test_an_empty_photo_file(folder):
+    (folder / "képek" / "kép 2.png").write_bytes(b"")
+    reason = complaint(folder)
+    assert reason.startswith("photo[1].path: ")
+    assert reason.endswith("kép 2.png: the photo file is empty; copy it again from the camera")
