@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..core.errors import FrescoError, ProjectError
 from ..core.jobs import Job, Progress, drain, part
-from ..core.project import PhotoPose, Project, ProjectResult, load_project, run_project_job
+from ..core.project import PhotoPose, Project, ProjectResult, load_project, remarks, run_project_job
 
 DONE, FAILED, WRONG_PROJECT = 0, 1, 2
 _BLENDER_MISSING = (
@@ -123,9 +123,11 @@ class ProgressPrinter:
         print(f"{100 * fraction:3.0f} %  {int(minutes):2d}:{seconds:04.1f}  {message}", flush=True)
 
     def end(self, result: ProjectResult) -> None:
-        """Print what became of every photo, and where the output is."""
+        """Print what became of every photo, what the user should know, and where the output is."""
         for pose in result.poses:
             print(f"  {pose.photo}: {describe(pose)}")
+        for remark in remarks(result):
+            print(f"  Note: {remark}")
         folder = result.project.output.folder.resolve()
         covered = f"{100 * result.textured.coverage:.1f} % of the surface covered"
         self._print(1.0, f"{covered}; written to {folder}")

@@ -33,6 +33,10 @@ READERS: dict[str, Callable[[Path], Job[RawScan]]] = {
 """Reader of every scan format, by lower-case file suffix."""
 
 
+_LARGEST = 1000.0
+"""Metres across beyond which the unit of a scan is asked about."""
+
+
 def read_scan_job(path: Path | str, settings: ScanSettings | None = None) -> Job[Scan]:
     """Read and check a scan.
 
@@ -61,6 +65,7 @@ def read_scan_job(path: Path | str, settings: ScanSettings | None = None) -> Job
         world, raw.faces, raw.file_faces, raw.vertex_colors, raw.intensity, dict(raw.face_sets), notes
     )
     yield from part(check_mesh_job(mesh, settings, str(path)), 0.65, 1.0)
+    mesh.report += _size_note(mesh.vertices, settings)
     return Scan(
         mesh.vertices,
         mesh.faces,
@@ -100,6 +105,17 @@ def _offset(world: FloatArray, settings: ScanSettings) -> FloatArray:
     middle = np.median(world[fine][:: max(1, len(world) // 100_000)], axis=0)
     offset: FloatArray = np.where(np.abs(middle) > settings.offset_limit, np.round(middle, -2), 0.0)
     return offset
+
+
+def _size_note(vertices: FloatArray, settings: ScanSettings) -> list[str]:
+    """Question about the unit of a scan that is very large in metres, where the user did not tell a unit."""
+    extent = float(np.ptp(vertices, axis=0).max())
+    if settings.unit != 1.0 or extent <= _LARGEST:
+        return []
+    return [
+        f'The scan is {extent:.0f} m across: is its unit mm? Then set unit = "mm" (in [scan] of a project '
+        "file), else all lengths are wrong."
+    ]
 
 
 def _precision_note(raw: RawScan, offset: FloatArray, settings: ScanSettings) -> list[str]:

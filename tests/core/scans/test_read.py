@@ -178,6 +178,19 @@ def test_single_precision_grid_coordinates_are_told(tmp_path):
     assert "steps of 500 mm" in scan.report[1] and "double precision" in scan.report[1]
 
 
+def test_a_scan_in_millimetres_is_asked_about(tmp_path):
+    vertices, faces = grid()
+    path = write_ply(tmp_path / "wall.ply", vertices * 1000, faces)
+    assert (
+        read_scan(path)
+        .report[-1]
+        .startswith('The scan is 2500 m across: is its unit mm? Then set unit = "mm"')
+    )
+    assert not [line for line in read_scan(path, ScanSettings(unit=0.001)).report if "unit" in line]
+    small = write_ply(tmp_path / "small.ply", vertices, faces)
+    assert not read_scan(small).report
+
+
 def test_unit_up_and_offset_settings(tmp_path):
     vertices, faces = grid()
     path = write_ply(tmp_path / "mm.ply", vertices * 1000, faces, double=True)

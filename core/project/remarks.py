@@ -1,0 +1,60 @@
+"""What the user should know of a run that went through: what was mended, left out, or is not sure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from ..regions.surface_region import SurfaceRegion
+from .poses import PhotoPose
+from .run import ProjectResult
+
+WEAK_SHARE = 0.01
+"""A camera centre less sure than this part of its distance to the regions is weakly determined."""
+
+_NAMED = 3
+"""Photos named where many share the same remark."""
+
+
+def remarks(result: ProjectResult) -> list[str]:
+    """Sentences on scan, photos, poses and texture, each beginning with what it speaks of."""
+    scans = [(scan.name, sentence) for scan in (result.scan, *result.occluders) for sentence in scan.report]
+    photos = [(photo.name, note) for photo in result.photos for note in photo.notes]
+    poses = [(pose.photo, text) for pose in result.poses for text in _on_pose(pose, result.surfaces)]
+    return [*_together(scans), *_together(photos), *_together(poses), *result.textured.selection.warnings]
+
+
+def _on_pose(pose: PhotoPose, surfaces: Mapping[str, SurfaceRegion]) -> list[str]:
+    weak = weakness(pose, surfaces)
+    return [*pose.notes, weak] if weak else [*pose.notes]
+
+
+def weakness(result: PhotoPose, surfaces: Mapping[str, SurfaceRegion]) -> str:
+    """Sentence on a solved pose whose regions leave its centre loose; empty when they hold it."""
+    regions = [surfaces[name].vertices for name in result.regions if name in surfaces]
+    if result.given or not result.solved or result.pose is None or not regions:
+        return ""
+    middle = np.mean([vertices.mean(axis=0) for vertices in regions], axis=0)
+    share = result.pose.centre_sigma / float(np.linalg.norm(middle - result.pose.centre))
+    if share <= WEAK_SHARE:
+        return ""
+    count = "one region leaves" if len(regions) == 1 else f"{len(regions)} regions leave"
+    return (
+        f"Its {count} the pose weakly determined: the camera is known to "
+        f"± {1000 * result.pose.centre_sigma:.0f} mm, {100 * share:.1f} % of its distance. Add a region, "
+        "best on another wall."
+    )
+
+
+def _together(told: Iterable[tuple[str, str]]) -> list[str]:
+    """One line per sentence, with the names it holds for; a long list of names is shortened."""
+    names: dict[str, list[str]] = {}
+    for name, sentence in told:
+        names.setdefault(sentence, []).append(name)
+    return [f"{_listed(of)}: {sentence}" for sentence, of in names.items()]
+
+
+def _listed(names: list[str]) -> str:
+    more = len(names) - _NAMED
+    return ", ".join(names[:_NAMED]) + (f" and {more} more" if more > 0 else "")
