@@ -18,6 +18,10 @@ GRAIN = 0.14
 """Pixels of error that a smoothed pixel outline keeps at every sample, however well it fits."""
 
 
+JOINED = (1, 2, 4, 8, 16)
+"""How many of the shortest stretches of boundary may hang together."""
+
+
 def moment_covariance(
     pairs: Sequence[MomentPair], rotation: FloatArray, translation: FloatArray
 ) -> FloatArray:
@@ -39,28 +43,48 @@ def outline_covariance(
     Errors hang together along a stretch of boundary, so that stretches, not samples, count as independent:
     the sandwich `H⁻¹ (Σ g gᵀ) H⁻¹` with one gradient g per stretch, plus the grain of the pixels and a `bias`
     (px) that whole stretches may have. H is the weighted `JᵀJ`, less what Geman-McClure weights lose of their
-    slope at the distances met.
+    slope at the distances met. How long stretches are depends on who drew the outline: slips are short, the
+    edge of a polygon by hand is long. Of several lengths the one that leaves the most doubt is taken.
     Source: Huber 1981 (M-estimators); Liang and Zeger 1986 (stretches).
     """
     size = matches[0].jacobian.shape[1]
-    normal, spread, stretches = np.zeros((size, size)), np.zeros((size, size)), 0
-    weight, curvature = 0.0, 0.0
-    for pair, found in zip(pairs, matches, strict=True):
+    normal, grain, weight, curvature = np.zeros((size, size)), np.zeros((size, size)), 0.0, 0.0
+    scores = []
+    for found in matches:
         weights = robust_weights(found.distances, scale)
-        distances = np.nan_to_num(found.distances)
         weighted = found.jacobian * weights[:, None]
         normal += weighted.T @ found.jacobian
-        squared = (distances / scale) ** 2
+        grain += GRAIN**2 * weighted.T @ weighted
+        squared = (np.nan_to_num(found.distances) / scale) ** 2
         weight += weights.sum()
         curvature += float(np.sum(weights * (1.0 - 3.0 * squared) / (1.0 + squared)))
-        gradients = _per_stretch(pair.surface.block, weighted * distances[:, None])
-        lifts = bias * _per_stretch(pair.surface.block, weighted)
-        stretches += np.count_nonzero(np.any(gradients != 0, axis=1))
-        spread += gradients.T @ gradients + lifts.T @ lifts + GRAIN**2 * weighted.T @ weighted
+        scores.append(weighted)
     inverse = stable_inverse(normal * max(curvature / weight, LEAST_CURVATURE))
+    candidates = [
+        inverse @ (_spread(pairs, matches, scores, bias, joined) + grain) @ inverse for joined in JOINED
+    ]
+    doubts = [float(np.trace(np.linalg.solve(candidates[0], candidate))) for candidate in candidates]
+    return candidates[int(np.argmax(doubts))]
+
+
+def _spread(
+    pairs: Sequence[ContourPair],
+    matches: Sequence[Match],
+    scores: Sequence[FloatArray],
+    bias: float,
+    joined: int,
+) -> FloatArray:
+    """Scatter (P,P) of the gradients of stretches, `joined` of the shortest to one."""
+    size = scores[0].shape[1]
+    spread, stretches = np.zeros((size, size)), 0
+    for pair, found, weighted in zip(pairs, matches, scores, strict=True):
+        stretch = pair.surface.block // joined
+        gradients = _per_stretch(stretch, weighted * np.nan_to_num(found.distances)[:, None])
+        lifts = bias * _per_stretch(stretch, weighted)
+        stretches += np.count_nonzero(np.any(gradients != 0, axis=1))
+        spread += gradients.T @ gradients + lifts.T @ lifts
     correction = stretches / max(stretches - size, 1)
-    covariance: FloatArray = correction * inverse @ spread @ inverse
-    return covariance
+    return np.asarray(correction * spread)
 
 
 def _per_stretch(stretch: IndexArray, values: FloatArray) -> FloatArray:
