@@ -61,6 +61,6 @@ def test_points_fall_on_the_same_pixel(extension, module, bridge, size, focal, r
 
     np.testing.assert_allclose(bridge.read_calibration(camera.data, bridge.frame_of(core)), K, rtol=1e-5)
     read_rotation, read_translation = bridge.read_pose(camera)
-    np.testing.assert_allclose(read_rotation, rotation, atol=1e-6)
+    np.testing.assert_allclose(read_rotation, rotation, atol=5e-6)  # Blender keeps single precision
     np.testing.assert_allclose(read_translation, translation, atol=5e-6)
     bpy.data.objects.remove(camera)
