@@ -115,7 +115,7 @@ def _complete_glb(path: Path, offset: FloatArray, gains: Mapping[str, FloatArray
 def _blend_job(path: Path) -> Job[Path]:
     """Write a copy of the scene's file."""
     yield Progress(0.0, f"Writing {path.name}")
-    with _told(path, path.with_name(path.name + "@")):
+    with _told(path, path.with_name(path.name + "@")), _no_old_version():
         bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, compress=True)
     return path
 
@@ -132,6 +132,18 @@ def _told(path: Path, temporary: Path) -> Iterator[None]:
         raise OutputError(f"{path}: cannot be written: {last}") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def _no_old_version() -> Iterator[None]:
+    """Keep Blender from leaving the file of the run before as .blend1, and restore its preference after."""
+    paths = bpy.context.preferences.filepaths
+    before = paths.save_version
+    paths.save_version = 0
+    try:
+        yield
+    finally:
+        paths.save_version = before
 
 
 @contextlib.contextmanager

@@ -81,7 +81,7 @@ def write_gain(material: bpy.types.Material, gain: FloatArray) -> None:
 
 
 def unseen_material() -> bpy.types.Material:
-    """Return the neutral material of faces that no photo sees."""
+    """Return the neutral material of faces that no photo sees; it shines like the photos' own."""
     existing = bpy.data.materials.get(UNSEEN_NAME)
     if existing is not None:
         return existing
@@ -90,11 +90,10 @@ def unseen_material() -> bpy.types.Material:
     nodes = material.node_tree.nodes
     output = nodes.new("ShaderNodeOutputMaterial")
     output.location = (200, 0)
-    shader = nodes.new("ShaderNodeBsdfPrincipled")
-    shader.inputs["Base Color"].default_value = UNSEEN_COLOR
-    shader.inputs["Roughness"].default_value = 1.0
-    shader.location = (-120, 0)
-    material.node_tree.links.new(shader.outputs["BSDF"], output.inputs["Surface"])
+    color = nodes.new("ShaderNodeRGB")
+    color.outputs["Color"].default_value = UNSEEN_COLOR
+    color.location = (-120, 0)
+    material.node_tree.links.new(color.outputs["Color"], output.inputs["Surface"])
     return material
 
 

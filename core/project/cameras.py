@@ -13,6 +13,9 @@ from ..photos.exif import Exif
 from ..photos.intrinsics import camera_from_body, camera_from_exif, camera_matrix, focal_from_sensor
 from .table import Table
 
+_SHORTEST = 0.05
+"""Focal length in parts of the photo's longer side; 0.05 is a fisheye lens that sees round three times."""
+
 _SOURCES = ("file", "preset", "exif", "focal", "focal_mm", "K")
 _MODEL_KEYS = ("distortion", "coefficients", "centre", "stretch", "xi", "alpha", "beta", "k", "omega")
 
@@ -72,6 +75,7 @@ class CameraEntry:
         if "preset" in self.table:
             return self._preset(width, height, exif)
         width, height = self.size or (width, height)
+        self._check_distortion()
         numbers = {key: self.table.get(key) for key in _MODEL_KEYS if key in self.table}
         model = self.table.text("model", "perspective")
         matrix = self._matrix(width, height)
@@ -103,10 +107,30 @@ class CameraEntry:
             several = isinstance(value, list)
             focal = self.table.numbers("focal", [1, 2]) if several else self.table.number("focal", 1e-3)
             focal = (focal * 2)[:2] if isinstance(focal, tuple) else focal
+            self._check_pixels(min(focal) if isinstance(focal, tuple) else focal, max(width, height))
         else:
             return None
         matrix: list[list[float]] = camera_matrix(width, height, focal, principal).tolist()
         return matrix
+
+    def _check_pixels(self, focal: float, side: int) -> None:
+        """Refuse a focal length (pixels) that is the lens's in millimetres: no lens sees that wide."""
+        if focal < _SHORTEST * side:
+            self.table.fail(
+                "focal",
+                f"is {focal:g} pixels for a photo of {side}: is this in millimetres? Use focal_mm and "
+                "sensor_width_mm",
+            )
+
+    def _check_distortion(self) -> None:
+        """Refuse three numbers: the third may be meant as p1 or as k3."""
+        value = self.table.get("distortion")
+        if isinstance(value, list) and len(value) == 3:
+            self.table.fail(
+                "distortion",
+                "needs 2, 4, 5 or 8 numbers in the order k1, k2, p1, p2, k3, …, not 3; for k1, k2, k3 write "
+                "[k1, k2, 0, 0, k3]",
+            )
 
 
 def check_one_size(entry: CameraEntry, sizes: dict[tuple[int, int], Path]) -> None:

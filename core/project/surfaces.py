@@ -19,8 +19,10 @@ from .table import hint
 def region_faces(project: Project, scan: Scan) -> dict[str, IntArray]:
     """Face indices of every region of the project.
 
-    Raises ProjectError for label arrays that do not fit the scan, unknown face sets, and empty regions.
+    Raises ScanError for a point cloud; ProjectError for label arrays that do not fit the scan, unknown face
+    sets, and empty regions.
     """
+    _check_faces(scan)
     entries = project.regions
     found: dict[str, IntArray] = dict(scan.face_sets) if entries.all_face_sets else {}
     for name, face_set in entries.face_sets.items():
@@ -34,6 +36,14 @@ def region_faces(project: Project, scan: Scan) -> dict[str, IntArray]:
         if len(faces) == 0:
             raise ProjectError(project.path, f"region.{name}", f"no face of {scan.name} belongs to it")
     return found
+
+
+def _check_faces(scan: Scan) -> None:
+    if scan.is_cloud:
+        raise ScanError(
+            f"{scan.name}: the scan has no faces, it is a point cloud; regions and texture need a mesh, mesh "
+            "it first"
+        )
 
 
 def _labelled(project: Path, source: LabelSource, scan: Scan) -> dict[str, IntArray]:
@@ -65,8 +75,14 @@ def _read_array(project: Path, source: LabelSource) -> AnyArray:
                 array = content[_array_name(project, source, content.files)]
         else:
             array = content
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise ProjectError(project, key, f"{source.path} cannot be read ({error})") from error
+    except OSError as error:
+        reason = f"{source.path} cannot be read ({error.strerror or error})"
+        raise ProjectError(project, key, reason) from error
+    except (ValueError, EOFError, zipfile.BadZipFile) as error:
+        reason = (
+            f"{source.path} is damaged, or no array that numpy wrote; write it again with numpy.save or savez"
+        )
+        raise ProjectError(project, key, reason) from error
     if not np.issubdtype(array.dtype, np.integer):
         raise ProjectError(project, key, f"{source.path.name} has to hold whole numbers, not {array.dtype}")
     numbers: AnyArray = array
@@ -89,10 +105,7 @@ def surface_regions(scan: Scan, faces: Mapping[str, IntArray]) -> dict[str, Surf
 
     Raises ScanError for a point cloud and RegionError for a region without area.
     """
-    if scan.is_cloud:
-        raise ScanError(
-            f"{scan.name}: the scan is a point cloud; regions and texture need a mesh, mesh it first"
-        )
+    _check_faces(scan)
     surfaces = {}
     for name, chosen in faces.items():
         used, corners = np.unique(scan.faces[chosen].ravel(), return_inverse=True)

@@ -80,6 +80,8 @@ def test_run_writes_everything(extension, project, tmp_path, room):
     (note,) = [line for line in lines if "Camera from the numbers" in line]
     assert note.startswith("  Note: ") and note.count(",") == 2, "told once for all three photos"
     check_blend(out / f"{path.stem}.blend", room)
+    assert fresco("run", path).returncode == 0
+    assert not list(out.glob("*.blend1")), "the second run leaves no copy of the first"
 
 
 def check_blend(path, room):

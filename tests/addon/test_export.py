@@ -62,7 +62,9 @@ def test_glb_has_unlit_photos_and_the_cameras(textured, target):
     bpy.ops.fresco.export()
     content = glb_json(target / "scan.glb")
     unlit = [m for m in content["materials"] if "KHR_materials_unlit" in m.get("extensions", {})]
-    assert len(unlit) == len(content["images"]) >= 1
+    assert sum("baseColorTexture" in m["pbrMetallicRoughness"] for m in unlit) == len(content["images"]) >= 1
+    (unseen,) = [m for m in unlit if m["name"] == "Fresco unseen"]
+    np.testing.assert_allclose(unseen["pbrMetallicRoughness"]["baseColorFactor"], [0.36] * 3 + [1], atol=1e-6)
     cameras = [node["name"] for node in content["nodes"] if "camera" in node]
     assert cameras == ["wall 1", "wall 2", "wall 3"]
     assert content["asset"]["extras"]["world_offset"] == [0, 0, 0]

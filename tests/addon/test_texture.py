@@ -92,6 +92,9 @@ def test_unseen_faces_are_neutral(posed):
     assert unseen.any() and not unseen.all()
     assert (attribute(mesh, "material_index", np.int32)[unseen] == 0).all()
     assert mesh.materials[0].name == "Fresco unseen"
+    output = mesh.materials[0].node_tree.get_output_node("ALL")
+    (link,) = output.inputs["Surface"].links
+    assert link.from_socket.type == "RGBA", "shines by itself as the photos do: not black without lamps"
     assert "Covered" in posed.fresco.texture_report
 
 

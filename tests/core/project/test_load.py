@@ -363,3 +363,18 @@ def test_an_empty_photo_file(folder):
     reason = complaint(folder)
     assert reason.startswith("photo[1].path: ")
     assert reason.endswith("kép 2.png: the photo file is empty; copy it again from the camera")
+
+
+@pytest.mark.parametrize("focal", ["4.5", "[80, 4.5]"])
+def test_a_focal_length_in_millimetres_is_asked_about(folder, focal):
+    reason = complaint(folder, ("focal = 80.0", f"focal = {focal}"))
+    assert reason == (
+        "camera[1].focal: is 4.5 pixels for a photo of 96: is this in millimetres? Use focal_mm and "
+        "sensor_width_mm"
+    )
+
+
+def test_three_distortion_numbers_are_ambiguous(folder):
+    reason = complaint(folder, ("focal = 80.0", "focal = 80.0\ndistortion = [-0.1, 0.01, 0.001]"))
+    assert reason.startswith("camera[1].distortion: needs 2, 4, 5 or 8 numbers in the order k1, k2, p1, p2")
+    assert "[k1, k2, 0, 0, k3]" in reason

@@ -5,7 +5,7 @@ import os
 import cv2
 import numpy as np
 import pytest
-from fresco.core.errors import OutputError, PhotoError, PoseNotFound, ProjectError, TextureError
+from fresco.core.errors import OutputError, PhotoError, PoseNotFound, ProjectError, ScanError, TextureError
 from fresco.core.geometry.rigid import rotation_angle
 from fresco.core.photos import read_image
 from fresco.core.project import poses as pose_stage
@@ -237,6 +237,23 @@ def test_labels_that_do_not_fit_the_scan(corner, labels, reason):
     with pytest.raises(ProjectError, match=reason):
         run(path)
     assert not (path.parent / "out").exists()
+
+
+def test_a_scan_without_faces_is_told_before_its_labels(corner):
+    path, _ = corner()
+    scan = path.parent / "scan.ply"
+    lines = scan.read_text().splitlines()
+    kept = [line for line in lines if not line.startswith(("3 ", "element face", "property list"))]
+    scan.write_text("\n".join(kept) + "\n")
+    with pytest.raises(ScanError, match="scan: the scan has no faces, it is a point cloud; regions and"):
+        run(path)
+
+
+def test_a_damaged_label_file_is_told_in_our_own_words(corner):
+    path, _ = corner()
+    (path.parent / "labels.npy").write_bytes(b"no array")
+    with pytest.raises(ProjectError, match=r"regions\.labels: .*labels\.npy is damaged, or no array"):
+        run(path)
 
 
 def test_cut_off_photo_and_empty_mask_are_found_before_anything_is_written(corner):
