@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import sys
+import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -143,7 +144,7 @@ def fountain(_: Path) -> None:
         views.append(View(camera, np.array(entry["R"]), np.array(entry["t"]), image, entry["image"]))
     held = [view for view in views if view.name[:4] in ("0003", "0007")]
     used = [view for view in views if view not in held]
-    pictures = Path("/tmp") / "fresco-fountain"
+    pictures = Path(tempfile.gettempdir()) / "fresco-fountain"
     pictures.mkdir(exist_ok=True)
     judge = Judge((np.asarray(scan.vertices, float), np.asarray(scan.faces, np.int32)), held, pictures)
     print(HEAD)
