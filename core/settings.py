@@ -259,6 +259,9 @@ class EdgeSettings:
     min_edges: int = 80
     """Edge points that a photo needs to be moved at all."""
 
+    min_share: float = 0.5
+    """Smallest share of the scan's visible edges that must have a partner in the photo."""
+
     rotation_sigma: float = 0.2
     """Standard deviation (degrees, per axis) of a starting pose that comes without covariance."""
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...arrays import FloatArray, IndexArray
+from ...arrays import BoolArray, FloatArray, IndexArray
 from ...cameras.base import Camera
 from ...geometry.rigid import log_so3
 from ..points.perturbation import camera_point_jacobian, camera_points, invert_scaled, solve_scaled, step_pose
@@ -52,13 +52,25 @@ class Matches:
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """A pose that fits edges; `matched`: edge points that count, `cells`: photo cells that hold some."""
+    """A pose that fits edges.
+
+    `edge_errors` (6,6): the part of the covariance that comes from the edges, not from the prior; `matched`:
+    edge points that found a partner, `visible`: all of them; `cells` (K,): numbers of the photo cells that
+    hold matched ones.
+    """
 
     rotation: FloatArray
     centre: FloatArray
     covariance: FloatArray
-    matched: float
-    cells: int
+    edge_errors: FloatArray
+    matched: int
+    visible: int
+    cells: IndexArray
+
+    def widened(self, factor: float) -> FloatArray:
+        """Covariance (6,6) of this pose when the edges' variances are `factor` times as large, at least 1."""
+        out: FloatArray = self.covariance + (max(factor, 1.0) - 1.0) * self.edge_errors
+        return out
 
 
 def match_edges(
@@ -76,7 +88,7 @@ def match_edges(
     samples = pixels[:, None, :] + reach[:, None] * normals[:, None, :]
     strength = np.maximum(field.along(samples, normals), 0.0)
     # what is everywhere along the normal (texture) tells nothing
-    strength = np.maximum(strength - strength.mean(axis=1, keepdims=True), 0.0)
+    strength = np.maximum(strength - strength.sum(axis=1, keepdims=True) / len(reach), 0.0)
     near = strength * np.exp(-0.5 * (reach / width) ** 2)
     weight = near.sum(axis=1)
     distance = (near @ reach) / np.maximum(weight, 1e-9)
@@ -107,7 +119,7 @@ def align_edges(
 ) -> Alignment:
     """Gauss-Newton steps with ever narrower matching. Source: method.md 2.6, eq. 3.31."""
     for width in widths:
-        inflation = _inflation(photo, edges, rotation, centre, width)
+        inflation, _ = _inflations(photo, edges, rotation, centre, width)
         for _ in range(8):
             system = _linearise(photo, edges, rotation, centre, width)
             step = _fused_step(system, inflation, prior, rotation, centre)
@@ -116,46 +128,65 @@ def align_edges(
                 break
     system = _linearise(photo, edges, rotation, centre, widths[-1])
     information, _ = prior.pull(rotation, centre)
-    inflation = _inflation(photo, edges, rotation, centre, widths[-1])
-    covariance = invert_scaled(system.hessian / inflation + information)
-    return Alignment(rotation, centre, covariance, system.matched, system.cells)
+    by_cells, by_pieces = _inflations(photo, edges, rotation, centre, widths[-1])
+    gain = invert_scaled(system.hessian / by_cells + information)
+    edge_errors = gain @ (system.hessian / by_cells) @ gain * max(1.0, by_pieces / by_cells)
+    return Alignment(
+        rotation,
+        centre,
+        gain @ information @ gain + edge_errors,
+        edge_errors,
+        int(system.matched.sum()),
+        len(system.matched),
+        system.cells,
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class _System:
-    """Normal equations of the matches, with what each of them adds to the gradient and its cell."""
+    """Normal equations of the matches; what each adds to the gradient, its cell, its piece, if it counts."""
 
     jacobian: FloatArray
     hessian: FloatArray
     pulls: FloatArray
     cell: IndexArray
-    matched: float
+    piece: IndexArray
+    matched: BoolArray
 
     @property
-    def cells(self) -> int:
-        """Cells of the photo that hold the pose."""
-        return int((np.bincount(self.cell, minlength=1) >= 5).sum())
+    def cells(self) -> IndexArray:
+        """Numbers (K,) of the photo cells that hold the pose."""
+        return np.flatnonzero(np.bincount(self.cell[self.matched], minlength=1) >= 5)
+
+    def spread(self, group: IndexArray) -> FloatArray:
+        """Covariance (6,6) of the gradient when the edges of a `group` (N,) err together."""
+        used, index = np.unique(group, return_inverse=True)
+        sums = np.zeros((len(used), 6))
+        np.add.at(sums, index, self.pulls)
+        out: FloatArray = sums.T @ sums * len(used) / max(len(used) - 6, 1)
+        return out
 
 
-def _inflation(
+def _inflations(
     photo: Photo, edges: ScanEdges, rotation: FloatArray, centre: FloatArray, width: float
-) -> float:
-    """Factor on the covariance at `width` from the disagreement between the photo's cells, at least 1.
+) -> tuple[float, float]:
+    """Factors on the covariance at `width` from the disagreement of cells and of edge pieces, at least 1.
 
-    Edges of one cell err together (a worn cornice, a shadow), so the cells' pulls are the independent ones.
-    Of a noisy scan they are taken with wide matching: a narrow one finds some edge near every place and hides
-    what a whole cell is off. Source: cluster-robust ("sandwich") variance, Liang and Zeger 1986, its mean
-    over the unknowns.
+    Edges of one cell err together (a worn cornice, a shadow), and so do those of one piece of edge, however
+    long: their pulls are the independent ones. Cells weigh edges against the prior; the result's errors are
+    those of the pieces where they disagree more. Of a noisy scan pulls are taken with wide matching: a narrow
+    one finds some edge near every place and hides what a whole cell is off. Source: cluster-robust
+    ("sandwich") variance, Liang and Zeger 1986, its mean over the unknowns.
     """
     wide = _linearise(photo, edges, rotation, centre, max(width, photo.doubt))
     narrow = _linearise(photo, edges, rotation, centre, width)
-    sums = np.zeros((CELLS * CELLS, 6))
-    np.add.at(sums, wide.cell, wide.pulls)
-    used = len(np.unique(wide.cell))
-    spread = sums.T @ sums * used / max(used - 6, 1)
     inverse = invert_scaled(wide.hessian)
     ratio = float(np.trace(inverse @ narrow.hessian)) / 6.0
-    return max(1.0, ratio * float(np.trace(inverse @ spread)) / 6.0)
+    by_cells, by_pieces = (
+        max(1.0, ratio * float(np.trace(inverse @ wide.spread(group))) / 6.0)
+        for group in (wide.cell, wide.piece)
+    )
+    return by_cells, by_pieces
 
 
 def _linearise(
@@ -172,7 +203,7 @@ def _linearise(
     weight = _weights(matches.weight * edges.strength[usable], cell)
     hessian = (jacobian * weight[:, None]).T @ jacobian
     pulls = (weight * -matches.distance)[:, None] * jacobian
-    return _System(jacobian, hessian, pulls, cell, float((matches.weight > 0.25).sum()))
+    return _System(jacobian, hessian, pulls, cell, edges.piece[usable], matches.weight > 0.25)
 
 
 def _weights(strength: FloatArray, cell: IndexArray) -> FloatArray:

@@ -14,6 +14,7 @@ from ...settings import EdgeSettings
 from ..points.pictures import read_view, read_view_mask
 from ..pose import Pose
 from .alignment import Alignment, Photo, PosePrior, align_edges, edge_agreement
+from .checks import disagreement_of_halves, far_move, few_edges, halves_apart, image_shift, no_agreement
 from .photo_edges import photo_edge_field
 from .rendering import Scan
 from .scan_edges import ScanEdges, find_scan_edges
@@ -57,7 +58,9 @@ def refine_pose_by_edges(
 
     vertices (V,3) m, world; faces (F,3); vertex_colors (V,3) or intensities (V,), bytes or 0 to 1: their
     edges are used as well. The pose is kept, and `note` says why, where edges are few, crowded or agree no
-    better than before. Raises `PhotoError` for a photo that cannot be read. Source: method.md 2.6.
+    better than before, where it would move further than `view.covariance` (without one: the settings) makes
+    likely, and where two halves of the photo contradict each other; a small contradiction widens the
+    covariance. Raises `PhotoError` for a photo that cannot be read. Source: method.md 2.6.
     """
     return drain(refine_pose_by_edges_job(view, vertices, faces, vertex_colors, settings))
 
@@ -170,44 +173,31 @@ def _decide(
     alignment: Alignment,
     settings: EdgeSettings,
 ) -> EdgePose:
-    """The refined pose, or the old one where the evidence is thin."""
+    """The refined pose, its covariance widened by the checks, or the old one where the evidence is thin."""
     poses = [(prior.rotation, prior.centre), (alignment.rotation, alignment.centre)]
     rng = np.random.default_rng(settings.seed)
     # both poses are judged by the edges seen from either
-    held = [
-        _divided(find_scan_edges(photo.camera, *pose, scan, settings), settings, rng)[1] for pose in poses
-    ]
-    before, after = (float(np.mean([edge_agreement(photo, e, *pose) for e in held])) for pose in poses)
-    note = _reason_to_keep(alignment, before, after, settings)
+    seen = [_divided(find_scan_edges(photo.camera, *pose, scan, settings), settings, rng) for pose in poses]
+    before, after = (float(np.mean([edge_agreement(photo, held, *p) for _, held in seen])) for p in poses)
+    note = (
+        few_edges(alignment, settings) or no_agreement(before, after, settings) or far_move(alignment, prior)
+    )
+    if not note:
+        widths = (settings.search / 2, 2.0, 1.0)
+        fit = seen[1][0]
+        disagreement = disagreement_of_halves(photo, fit, alignment, prior, widths)
+        # the first round matches at a quarter of this level, half of the search wide
+        reach = 4 * settings.search / 2
+        note = halves_apart(disagreement, image_shift(photo, fit, alignment, prior), reach)
     if note:
         return EdgePose(view.rotation, view.translation, prior.covariance, before, before, 0, note)
     centre = alignment.centre + origin
     return EdgePose(
         alignment.rotation,
         -alignment.rotation @ centre,
-        alignment.covariance,
+        alignment.widened(disagreement),
         before,
         after,
-        int(alignment.matched),
+        alignment.matched,
         "",
     )
-
-
-def _reason_to_keep(alignment: Alignment, before: float, after: float, settings: EdgeSettings) -> str:
-    if alignment.matched < settings.min_edges:
-        return (
-            f"Only {int(alignment.matched)} edges of the scan have a partner in the photo: the pose was kept."
-            " Refine it by points or together with other photos."
-        )
-    if alignment.cells < 6:
-        return (
-            "The edges of the scan lie in one corner of the photo and cannot hold the pose: it was kept. "
-            "Refine it by points or together with other photos."
-        )
-    if after < settings.min_score:
-        return (
-            "The photo's edges do not follow those of the scan: the pose was kept. Check it by its regions."
-        )
-    if after <= before:
-        return f"The edges agree no better than before ({before:.2f} to {after:.2f}): the pose was kept."
-    return ""

@@ -18,13 +18,15 @@ from .rendering import Rendering, Scan, render_scan
 class ScanEdges:
     """Edge points: `points` (N,3) m world, on the nearer surface; `pixels` (N,2) where the camera sees them.
 
-    `normals` (N,2) unit, across the edge in the image; `strength` (N,).
+    `normals` (N,2) unit, across the edge in the image; `strength` (N,); `piece` (N,): number of the connected
+    piece of edge that each belongs to.
     """
 
     points: FloatArray
     pixels: FloatArray
     normals: FloatArray
     strength: FloatArray
+    piece: IndexArray
 
     def __len__(self) -> int:
         return len(self.points)
@@ -32,7 +34,11 @@ class ScanEdges:
     def select(self, chosen: BoolArray | IndexArray) -> ScanEdges:
         """Return the edge points `chosen`."""
         return ScanEdges(
-            self.points[chosen], self.pixels[chosen], self.normals[chosen], self.strength[chosen]
+            self.points[chosen],
+            self.pixels[chosen],
+            self.normals[chosen],
+            self.strength[chosen],
+            self.piece[chosen],
         )
 
 
@@ -57,7 +63,8 @@ def find_scan_edges(
     strength = np.minimum(magnitude[row, column], 3.0)
     usable = np.isfinite(rays).all(axis=1) & (distance > 0)
     points = centre + (rays @ rotation) * distance[:, None]
-    return ScanEdges(points, pixels, normal, strength.astype(np.float64)).select(usable)
+    piece = _pieces(row, column, normal, magnitude.shape)
+    return ScanEdges(points, pixels, normal, strength.astype(np.float64), piece).select(usable)
 
 
 def _gradients(
@@ -125,6 +132,23 @@ def _ridges(
     offset = np.clip(0.5 * (a - c) / (a + c - 2 * b), -0.5, 0.5).astype(np.float64)
     normal = np.stack([cosine[row, column], sine[row, column]], axis=1).astype(np.float64)
     return row, column, offset, normal
+
+
+def _pieces(row: IndexArray, column: IndexArray, normal: FloatArray, shape: tuple[int, ...]) -> IndexArray:
+    """Number (N,) of the connected piece of edge of each ridge pixel; a piece ends where the edge turns."""
+    double_angle = 2 * np.arctan2(normal[:, 1], normal[:, 0])
+    # four directions of 45 degrees; level and upright edges are in the middle of theirs
+    direction = np.rint(double_angle / (np.pi / 2)).astype(np.int64) % 4
+    piece = np.zeros(len(row), dtype=np.int64)
+    count = 0
+    for k in range(4):
+        here = direction == k
+        drawn = np.zeros(shape, np.uint8)
+        drawn[row[here], column[here]] = 1
+        labels, label = cv2.connectedComponents(drawn, connectivity=8)
+        piece[here] = label[row[here], column[here]] + count
+        count += labels
+    return piece
 
 
 def _nearer(seen: Rendering) -> FloatArray:
