@@ -13,6 +13,7 @@ from pathlib import Path
 from ..core.errors import FrescoError, ProjectError
 from ..core.jobs import Job, Progress, drain, part
 from ..core.project import PhotoPose, Project, ProjectResult, load_project, remarks, run_project_job
+from ..core.project.provenance import fresco_version
 
 DONE, FAILED, WRONG_PROJECT = 0, 1, 2
 _BLENDER_MISSING = (
@@ -50,6 +51,7 @@ def run_command(arguments: Sequence[str], start_blender: Callable[[], None]) -> 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("fresco", description="Lay photographs onto laser scans.")
+    parser.add_argument("--version", action="version", version=f"fresco {fresco_version()}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     run_parser = commands.add_parser("run", help="solve and texture a project, write what it asks for")
     run_parser.add_argument("project", help="project file (.toml)")

@@ -14,6 +14,9 @@ import numpy as np
 
 _CORE = Path(__file__).resolve().parents[1]
 
+FINGERPRINT = "BLAKE2b, 16 bytes"
+"""The algorithm of all fingerprints, for those who want to check a file: `b2sum -l 128 FILE`."""
+
 
 def digest(*items: Any) -> str:
     """Fingerprint of arrays, texts, numbers, mappings, dataclasses and sequences of them."""

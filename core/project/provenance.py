@@ -20,9 +20,10 @@ from ..arrays import FloatArray
 from ..cameras.files.dictionary import camera_to_dict
 from ..files import replacing
 from ..scans.scan import Scan
-from .digest import code_digest
+from .digest import FINGERPRINT, code_digest
 from .entries import PhotoEntry, Project
 from .poses import PhotoPose
+from .store import packed
 from .textures import TexturedScan
 
 _MANIFEST = Path(__file__).resolve().parents[2] / "blender_manifest.toml"
@@ -58,6 +59,7 @@ def provenance(
             "opencv": cv2.__version__,
         },
         "project": project.path.name,
+        "fingerprint": FINGERPRINT,
         "inputs": {_relative(path, project): digests[path] for path in sorted(digests)},
         "settings": {
             "scan": dataclasses.asdict(project.scan.settings),
@@ -71,7 +73,11 @@ def provenance(
             "report": list(scan.report),
         },
         "photos": [_photo(e, p, scan, textured) for e, p in zip(project.photos, poses, strict=True)],
-        "texture": {"faces": len(textured.faces), "coverage": textured.coverage},
+        "texture": {
+            "faces": len(textured.faces),
+            "coverage": textured.coverage,
+            "photo_per_face": f"{project.output.name}_faces.npz",
+        },
         "seconds": {name: round(value, 3) for name, value in seconds.items()},
     }
 
@@ -80,6 +86,21 @@ def write_provenance(path: Path, content: Mapping[str, Any]) -> None:
     """Write provenance as JSON; raises OutputError."""
     with replacing(path) as file:
         file.write(json.dumps(content, indent=1, ensure_ascii=False).encode() + b"\n")
+
+
+def write_photo_per_face(path: Path, scan: Scan, textured: TexturedScan) -> None:
+    """Write which photo every face shows, as .npz; raises OutputError.
+
+    `view` (F,) is an index into `photo_name`, -1 where no photo sees the face; `file_face` (F,) the face of
+    the scan's file, counted from 0. Faces are in the order of the OBJ (photo after photo, large
+    ones split).
+    """
+    order = np.argsort(textured.selection.view, kind="stable")
+    view = textured.selection.view[order]
+    names = np.array([view.name for view in textured.views])
+    file_face = scan.file_faces[textured.parent[order]]
+    with replacing(path) as file:
+        file.write(packed({"view": view, "photo_name": names, "file_face": file_face}))
 
 
 def world_translation(rotation: FloatArray, translation: FloatArray, offset: FloatArray) -> FloatArray:

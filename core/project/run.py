@@ -26,7 +26,7 @@ from ..texture import write_obj_job
 from .digest import file_digest
 from .entries import PhotoEntry, Project
 from .poses import PhotoPose, solve_poses_job
-from .provenance import local_translation, provenance, write_provenance
+from .provenance import local_translation, provenance, write_photo_per_face, write_provenance
 from .store import Store
 from .surfaces import check_partners, region_faces, surface_regions
 from .textures import TexturedScan, texture_scan_job
@@ -66,10 +66,10 @@ def run_project(project: Project) -> ProjectResult:
 def run_project_job(project: Project) -> Job[ProjectResult]:
     """Solve the poses of a project and texture its scan.
 
-    Writes the OBJ (if wanted) and the provenance into the output folder; what else is wanted is made from
-    the result. All input is checked before the output folder is touched; finished work is kept in its folder
-    `cache` and taken over by the next run when its inputs are unchanged. Raises the FrescoError that says
-    what is wrong.
+    Writes the OBJ (if wanted), the photo per face and the provenance into the output folder; what
+    else is wanted is made from the result. All input is checked before the output folder is touched; finished
+    work is kept in its folder `cache` and taken over by the next run when its inputs are unchanged. Raises
+    the FrescoError that says what is wrong.
     """
     clock: dict[str, float] = {}
     digests = yield from part(_timed(check_inputs_job(project), clock, "check"), 0.0, 0.05)
@@ -86,6 +86,7 @@ def run_project_job(project: Project) -> Job[ProjectResult]:
     if project.output.obj:
         yield from part(_timed(_obj_job(project, scan, textured), clock, "obj"), 0.9, 1.0)
     record = provenance(project, digests, scan, poses, textured, clock)
+    write_photo_per_face(output_path(project, "_faces.npz"), scan, textured)
     write_provenance(output_path(project, "_provenance.json"), record)
     hiding = tuple(occluders)
     return ProjectResult(project, scan, faces, surfaces, poses, textured, record, clock, hiding)

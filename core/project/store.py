@@ -56,11 +56,11 @@ class Store:
         if self.folder is not None:
             with replacing(self.folder / f"{name}.npz") as file:
                 # One write of it all: on a full disk a half-open archive would complain once more at its end.
-                file.write(_packed(key, arrays))
+                file.write(packed({"key": np.array(key), **arrays}))
 
 
-def _packed(key: str, arrays: dict[str, AnyArray]) -> memoryview:
-    """Arrays and their fingerprint as an .npz file in memory."""
-    packed = io.BytesIO()
-    np.savez(packed, key=np.array(key), **arrays)
-    return packed.getbuffer()
+def packed(arrays: dict[str, AnyArray]) -> memoryview:
+    """Arrays as an .npz file in memory."""
+    file = io.BytesIO()
+    np.savez(file, **arrays)
+    return file.getbuffer()

@@ -3,6 +3,8 @@
 import os
 import subprocess
 import sys
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -125,6 +127,14 @@ def test_wrong_arguments_end_with_2(words):
     done = fresco(*words)
     assert done.returncode == 2
     assert "Traceback" not in done.stderr and done.stderr
+
+
+def test_version_is_that_of_the_manifest():
+    done = fresco("--version")
+    manifest = tomllib.loads(
+        (Path(__file__).parents[2] / "blender_manifest.toml").read_text(encoding="utf-8")
+    )
+    assert (done.returncode, done.stdout.strip()) == (0, f"fresco {manifest['version']}")
 
 
 def test_help_ends_well():

@@ -1,4 +1,5 @@
 import errno
+import hashlib
 import json
 import os
 
@@ -72,7 +73,28 @@ def test_provenance_tells_inputs_settings_and_every_photo(corner):
     np.testing.assert_allclose(a["pose"]["centre"], -truth["A"][0].T @ truth["A"][1], atol=0.05)
     assert a["pose"]["centre_sigma"] > 0 and a["faces"] > 0 and a["solved"]
     assert c["use"] == "pose" and c["faces"] == 0 and c["solved"]
+    data = (path.parent / "scan.ply").read_bytes()
+    assert record["fingerprint"] == "BLAKE2b, 16 bytes"
+    assert record["inputs"]["scan.ply"] == hashlib.blake2b(data, digest_size=16).hexdigest()
     assert record["texture"]["coverage"] == pytest.approx(result.textured.coverage)
+
+
+def test_the_photo_of_every_face_is_written(corner):
+    path, _ = corner()
+    result = run(path)
+    name = result.provenance["texture"]["photo_per_face"]
+    with np.load(path.parent / "out" / name) as saved:
+        np.testing.assert_array_equal(saved["view"], np.sort(result.textured.selection.view))
+        assert saved["photo_name"].tolist() == ["A", "B", "C"]
+        assert set(saved["file_face"].tolist()) == set(range(1200))
+        view = saved["view"]
+    faces, material = [], ""
+    for line in (path.parent / "out" / "project.obj").read_text().splitlines():
+        material = line[7:] if line.startswith("usemtl ") else material
+        faces += [material] if line.startswith("f ") else []
+    assert len(faces) == len(view), "a line per face of the OBJ"
+    for material in set(faces):
+        assert len(set(view[np.array(faces) == material].tolist())) == 1
 
 
 def test_a_vertical_direction_solves_upright_photos(corner):
