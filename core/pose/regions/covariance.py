@@ -21,6 +21,9 @@ GRAIN = 0.14
 JOINED = (1, 2, 4, 8, 16)
 """How many of the shortest stretches of boundary may hang together."""
 
+LEAST_STRETCHES = 3
+"""Stretches per unknown below which their scatter says nothing."""
+
 
 def moment_covariance(
     pairs: Sequence[MomentPair], rotation: FloatArray, translation: FloatArray
@@ -60,9 +63,9 @@ def outline_covariance(
         curvature += float(np.sum(weights * (1.0 - 3.0 * squared) / (1.0 + squared)))
         scores.append(weighted)
     inverse = stable_inverse(normal * max(curvature / weight, LEAST_CURVATURE))
-    candidates = [
-        inverse @ (_spread(pairs, matches, scores, bias, joined) + grain) @ inverse for joined in JOINED
-    ]
+    spreads = [_spread(pairs, matches, scores, bias, joined) for joined in JOINED]
+    enough = [spread for spread, stretches in spreads if stretches >= LEAST_STRETCHES * size]
+    candidates = [inverse @ (spread + grain) @ inverse for spread in enough or [spreads[0][0]]]
     doubts = [float(np.trace(np.linalg.solve(candidates[0], candidate))) for candidate in candidates]
     return candidates[int(np.argmax(doubts))]
 
@@ -73,8 +76,8 @@ def _spread(
     scores: Sequence[FloatArray],
     bias: float,
     joined: int,
-) -> FloatArray:
-    """Scatter (P,P) of the gradients of stretches, `joined` of the shortest to one."""
+) -> tuple[FloatArray, int]:
+    """Scatter (P,P) of the gradients of stretches, `joined` of the shortest to one, and their number."""
     size = scores[0].shape[1]
     spread, stretches = np.zeros((size, size)), 0
     for pair, found, weighted in zip(pairs, matches, scores, strict=True):
@@ -84,7 +87,7 @@ def _spread(
         stretches += np.count_nonzero(np.any(gradients != 0, axis=1))
         spread += gradients.T @ gradients + lifts.T @ lifts
     correction = stretches / max(stretches - size, 1)
-    return np.asarray(correction * spread)
+    return correction * spread, stretches
 
 
 def _per_stretch(stretch: IndexArray, values: FloatArray) -> FloatArray:
