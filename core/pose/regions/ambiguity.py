@@ -12,7 +12,7 @@ from ...errors import PoseNotFound
 from ...geometry.rigid import rotation_angle
 from ...settings import PoseSettings
 from ..pose import Pose
-from .algebraic import Candidates
+from .algebraic import Candidates, moment_costs
 from .covariance import world_covariance
 from .fitting import OutlineFit
 from .overlap import overlap_errors
@@ -28,6 +28,9 @@ ALIKE_SHARE = 0.8
 
 EQUAL_SHARE = 0.97
 """The same for being no worse at all, where the side that the faces are wound for decides."""
+
+PLAUSIBLE = 16.0
+"""Cost above the best, in its noise variance, up to which another pose explains the regions as well."""
 
 LOOSE = 1.5
 """Degrees of standard deviation from which a pose counts as undecided."""
@@ -69,7 +72,7 @@ def _rivals(problem: Problem, fits: Sequence[OutlineFit]) -> list[OutlineFit]:
         rivals = [fit for fit in fits if fit.near == nearest and fit.share >= ALIKE_SHARE * most]
         rivals.sort(key=lambda fit: -fit.share)
     else:
-        rivals = list(fits)
+        rivals = _explaining(problem, fits)
     rivals = _without_repetitions(rivals)
     in_front = [fit for fit in rivals if fit.front]
     if in_front and len(problem.outlines) > 1:
@@ -78,6 +81,14 @@ def _rivals(problem: Problem, fits: Sequence[OutlineFit]) -> list[OutlineFit]:
         return rivals
     equal = [fit for fit in rivals if fit.share >= EQUAL_SHARE * rivals[0].share]
     return sorted(equal, key=lambda fit: not fit.front) + rivals[len(equal) :]
+
+
+def _explaining(problem: Problem, fits: Sequence[OutlineFit]) -> list[OutlineFit]:
+    """Fits that explain the moments about as well as the best of them, best first."""
+    rotations, translations = np.stack([f.rotation for f in fits]), np.stack([f.translation for f in fits])
+    costs = moment_costs(problem.moments, rotations, translations)
+    chosen = plausible(costs, problem.equations)
+    return [fits[index] for index in chosen[np.argsort(costs[chosen], kind="stable")]]
 
 
 def _without_repetitions(fits: Sequence[OutlineFit]) -> list[OutlineFit]:
@@ -120,9 +131,9 @@ def unlike(candidates: Candidates, known: Candidates) -> Candidates:
     return candidates[np.flatnonzero(np.all(trace <= 1.0 + 2.0 * np.cos(APART), axis=1))]
 
 
-def plausible(costs: FloatArray, equations: int, limit: float) -> IndexArray:
-    """Indices of candidates whose cost exceeds the least by at most `limit` of its own noise variance."""
+def plausible(costs: FloatArray, equations: int) -> IndexArray:
+    """Indices of candidates whose cost exceeds the least by at most PLAUSIBLE of its own noise variance."""
     least = costs.min(initial=np.inf)
     noise = least / max(equations - 6, 1)
-    chosen: IndexArray = np.flatnonzero(costs - least <= limit * noise)
+    chosen: IndexArray = np.flatnonzero(costs - least <= PLAUSIBLE * noise)
     return chosen

@@ -14,12 +14,10 @@ from .algebraic import Candidates
 from .ambiguity import chosen, plausible, unlike
 from .covariance import moment_covariance
 from .fitting import LEVELS, Contours, OutlineFit, fit_outlines
+from .overlap import overlap_errors
 from .problem import Problem, make_problem
 from .region_pose import RegionPose
 from .search import MOST_FITTED, moment_candidates
-
-PLAUSIBLE = 16.0
-"""Cost above the best, in its noise variance, up to which another pose explains the regions as well."""
 
 Regions = ImageRegion | Sequence[ImageRegion]
 Surfaces = SurfaceRegion | Sequence[SurfaceRegion]
@@ -78,11 +76,18 @@ def estimate_pose_job(
     yield Progress(0.2, "Searching for poses that fit the regions")
     candidates = moment_candidates(problem, problem.sketches[0], up, initial)
     fits = yield from _fits(problem, candidates)
-    if len(problem.sketches) > 1 and not any(fit.near == LEVELS[0].near for fit in fits):
+    good = _overlapping(problem, fits, settings.overlap_limit)
+    if len(problem.sketches) > 1 and not any(fit.near == LEVELS[0].near for fit in good):
         yield Progress(0.7, "Searching from every region")
         others = moment_candidates(problem, problem.sketches[1], up, initial)
         fits += yield from _fits(problem, unlike(others, candidates))
-    return chosen(problem, fits, initial, settings)
+        good = _overlapping(problem, fits, settings.overlap_limit)
+    return chosen(problem, good or fits, initial, settings)
+
+
+def _overlapping(problem: Problem, fits: Sequence[OutlineFit], limit: float) -> list[OutlineFit]:
+    """Fits with at most `limit` % of the regions apart: pieces of outline coincide in wrong poses, too."""
+    return [fit for fit in fits if overlap_errors(problem.moments, fit.rotation, fit.translation)[0] <= limit]
 
 
 def _fits(problem: Problem, candidates: Candidates) -> Job[list[OutlineFit]]:
@@ -99,5 +104,4 @@ def _fits(problem: Problem, candidates: Candidates) -> Job[list[OutlineFit]]:
 
 def _plausible(problem: Problem, candidates: Candidates) -> list[int]:
     """Indices of the candidates worth fitting."""
-    equations = sum(len(pair.moments) for pair in problem.moments)
-    return [int(k) for k in plausible(candidates.costs, equations, PLAUSIBLE)[:MOST_FITTED]]
+    return [int(k) for k in plausible(candidates.costs, problem.equations)[:MOST_FITTED]]

@@ -74,6 +74,11 @@ class Problem:
     moments: tuple[MomentPair, ...]
     sketches: tuple[tuple[MomentPair, ...], ...]
 
+    @property
+    def equations(self) -> int:
+        """Number of moment equations."""
+        return sum(len(pair.moments) for pair in self.moments)
+
 
 def make_problem(
     camera: Camera,

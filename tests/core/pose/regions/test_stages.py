@@ -1,13 +1,18 @@
+from dataclasses import replace
+
 import numpy as np
 from fresco.core.cameras import FisheyeCamera, PerspectiveCamera
 from fresco.core.geometry.rigid import exp_so3, rotation_angle
 from fresco.core.pose.regions.algebraic import Candidates, refine_by_moments
+from fresco.core.pose.regions.ambiguity import chosen
 from fresco.core.pose.regions.contour import LensStep, match
 from fresco.core.pose.regions.covariance import world_covariance
-from fresco.core.pose.regions.fitting import LEVELS, Contours
+from fresco.core.pose.regions.estimate import _overlapping
+from fresco.core.pose.regions.fitting import LEVELS, Contours, OutlineFit
 from fresco.core.pose.regions.focal import with_lens
 from fresco.core.pose.regions.initial import starting_poses
 from fresco.core.pose.regions.problem import make_problem
+from fresco.core.settings import PoseSettings
 from region_scenes import Scene
 
 CAMERA = PerspectiveCamera(1200, 800, [[800, 0, 599.5], [0, 800, 399.5], [0, 0, 1]], [-0.1, 0.02])
@@ -89,3 +94,16 @@ def test_world_covariance_by_sampling():
     expected = np.cov(np.concatenate([steps[:, :3], off], axis=1).T)
     found = world_covariance(root @ root.T, rotation, translation)
     np.testing.assert_allclose(found, expected, atol=0.05 * np.abs(expected).max())
+
+
+def test_wrong_pose_whose_outlines_coincide_in_pieces_is_not_chosen():
+    """Neither a false lock nor a fit found earlier wins against the one that overlaps."""
+    scene, problem, rotation, translation = problem_of(CAMERA)
+    turned, shifted = exp_so3([0.0, 0.6, 0.0]) @ rotation, translation + np.array([0.4, 0.0, 0.3])
+    false_lock = OutlineFit(turned, shifted, 1e-6 * np.eye(6), 0.14, LEVELS[0].near, True)
+    right = OutlineFit(rotation, translation, 1e-6 * np.eye(6), 0.3, np.inf, True)
+    limit = PoseSettings().overlap_limit
+    assert _overlapping(problem, [false_lock, right], limit) == [right]
+    unlocked = replace(false_lock, near=np.inf)
+    pose = chosen(problem, [unlocked, right], None, PoseSettings())
+    np.testing.assert_allclose(pose.rotation, scene.rotation, atol=1e-9)
