@@ -211,83 +211,97 @@ def scroll(canvas, low, high, step=0.3):
             canvas.disc((across, up), 0.011, WHITE)
 
 
+class Saint:
+    """The frame a saint is drawn in: `unit` is an eighth of the height, `turn` -1 mirrors left and right."""
+
+    def __init__(self, foot, height, turn):
+        self.at = np.asarray(foot, dtype=float)
+        self.unit = height / 8.0
+        self.turn = turn
+
+    def place(self, points):
+        """Points in units from the foot (2,) or (N, 2), in metres on the canvas."""
+        return self.at + self.unit * np.asarray(points, dtype=float) * (self.turn, 1)
+
+
+ROBE = [
+    (-0.9, 6.2),
+    (0.8, 6.2),
+    (1.0, 4.4),
+    (1.25, 2.0),
+    (1.5, 0.1),
+    (0.4, -0.05),
+    (-1.3, 0.1),
+    (-1.1, 2.2),
+    (-1.1, 4.4),
+]
+MANTLE = [(-1.0, 6.3), (0.1, 6.4), (0.7, 4.6), (0.1, 3.0), (0.9, 1.2), (-0.3, 0.7), (-1.5, 0.4), (-1.3, 3.2)]
+HEM = MANTLE[:5]
+
+
 def figure(canvas, foot, height, robe, mantle, turn=1, wings=False):
     """A standing saint: robe and mantle with folds, head, hair, halo; `turn` +1 looks right, -1 left."""
-    unit = height / 8.0
-    at = np.asarray(foot, dtype=float)
-
-    def place(points):
-        return at + unit * np.asarray(points, dtype=float) * (turn, 1)
-
-    def tone(colour, factor):
-        return tuple(float(min(255, c * factor)) for c in colour)
-
+    saint = Saint(foot, height, turn)
     if wings:
-        for feather in range(9):
-            tip = (-2.3 + 0.12 * feather, 2.6 + 0.42 * feather)
-            canvas.fill(
-                place([(-0.5, 5.9), (-0.7, 5.3), tip, (tip[0] + 0.2, tip[1] + 0.4)]),
-                (WHITE, PINK, GREEN)[feather % 3],
-            )
-            canvas.line(place([(-0.6, 5.6), tip]), BROWN, 0.003)
-    canvas.fill(
-        place(
-            [
-                (-0.9, 6.2),
-                (0.8, 6.2),
-                (1.0, 4.4),
-                (1.25, 2.0),
-                (1.5, 0.1),
-                (0.4, -0.05),
-                (-1.3, 0.1),
-                (-1.1, 2.2),
-                (-1.1, 4.4),
-            ]
-        ),
-        robe,
-    )
-    canvas.fill(
-        place(
-            [
-                (-1.0, 6.3),
-                (0.1, 6.4),
-                (0.7, 4.6),
-                (0.1, 3.0),
-                (0.9, 1.2),
-                (-0.3, 0.7),
-                (-1.5, 0.4),
-                (-1.3, 3.2),
-            ]
-        ),
-        mantle,
-    )
+        feathers(canvas, saint)
+    clothes(canvas, saint, robe, mantle)
+    canvas.fill(saint.place([(0.5, 5.5), (1.7, 4.9), (1.75, 4.6), (0.6, 4.7)]), tone(robe, 0.85))
+    canvas.disc(saint.place((1.85, 4.8)), 0.24 * saint.unit, SKIN)
+    head = saint.place((0.05, 7.1))
+    halo(canvas, head, saint.unit)
+    face(canvas, head, saint.unit, turn)
+
+
+def tone(colour, factor):
+    """A colour made darker or lighter."""
+    return tuple(float(min(255, c * factor)) for c in colour)
+
+
+def feathers(canvas, saint):
+    """One wing, nine feathers in three colours."""
+    for feather in range(9):
+        tip = (-2.3 + 0.12 * feather, 2.6 + 0.42 * feather)
+        canvas.fill(
+            saint.place([(-0.5, 5.9), (-0.7, 5.3), tip, (tip[0] + 0.2, tip[1] + 0.4)]),
+            (WHITE, PINK, GREEN)[feather % 3],
+        )
+        canvas.line(saint.place([(-0.6, 5.6), tip]), BROWN, 0.003)
+
+
+def clothes(canvas, saint, robe, mantle):
+    """Robe and mantle with their folds, and the mantle's golden hem."""
+    canvas.fill(saint.place(ROBE), robe)
+    canvas.fill(saint.place(MANTLE), mantle)
     for fold in np.linspace(-1.0, 1.15, 13):
         s = np.linspace(0, 1, 20)
         bend = np.stack([fold * (0.6 + 0.45 * s) + 0.12 * np.sin(5 * s + 4 * fold), 5.0 - 4.9 * s], 1)
         base = mantle if fold < 0 else robe
-        canvas.line(place(bend), tone(base, 0.62), 0.012)
-        canvas.line(place(np.add(bend, (0.09, 0))), tone(base, 1.3), 0.008)
-    canvas.line(place([(-1.0, 6.3), (0.1, 6.4), (0.7, 4.6), (0.1, 3.0), (0.9, 1.2)]), GOLD, 0.012)
-    canvas.fill(place([(0.5, 5.5), (1.7, 4.9), (1.75, 4.6), (0.6, 4.7)]), tone(robe, 0.85))
-    canvas.disc(place([(1.85, 4.8)])[0], 0.24 * unit, SKIN)
-    head = place([(0.05, 7.1)])[0]
+        canvas.line(saint.place(bend), tone(base, 0.62), 0.012)
+        canvas.line(saint.place(np.add(bend, (0.09, 0))), tone(base, 1.3), 0.008)
+    canvas.line(saint.place(HEM), GOLD, 0.012)
+
+
+def halo(canvas, head, unit):
+    """A golden disc with rays behind the head."""
     canvas.disc(head, 0.98 * unit, GOLD)
     for ray in np.linspace(0, 2 * np.pi, 37)[:-1]:
         direction = np.array([np.cos(ray), np.sin(ray)])
         canvas.line([head + 0.62 * unit * direction, head + 0.92 * unit * direction], OCHRE, 0.004)
     canvas.ring(head, 0.98 * unit, BROWN, 0.006)
+
+
+def face(canvas, head, unit, turn):
+    """Hair, face, eyes, nose and mouth."""
+
+    def stroke(points, colour, width):
+        canvas.line(head + unit * np.asarray(points) * (turn, 1), colour, width)
+
     canvas.disc(head, 0.58 * unit, BROWN, 1.12)
     canvas.disc(head + unit * np.array([0.1 * turn, -0.08]), 0.44 * unit, SKIN, 1.2)
     for eye in (-0.05, 0.27):
-        canvas.line(
-            head + unit * np.array([((eye - 0.09) * turn, 0.07), ((eye + 0.09) * turn, 0.07)]), BROWN, 0.006
-        )
-    canvas.line(
-        head + unit * np.array([(0.13 * turn, 0.05), (0.2 * turn, -0.14), (0.12 * turn, -0.16)]),
-        (170, 112, 88),
-        0.004,
-    )
-    canvas.line(head + unit * np.array([(0.03 * turn, -0.3), (0.22 * turn, -0.3)]), RED, 0.006)
+        stroke([(eye - 0.09, 0.07), (eye + 0.09, 0.07)], BROWN, 0.006)
+    stroke([(0.13, 0.05), (0.2, -0.14), (0.12, -0.16)], (170, 112, 88), 0.004)
+    stroke([(0.03, -0.3), (0.22, -0.3)], RED, 0.006)
 
 
 def wood(canvas, low, high, plank, colour=(112, 76, 48)):
