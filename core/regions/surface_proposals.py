@@ -1,35 +1,25 @@
-"""Ready regions to accept or refuse.
-
-Facets and openings of the scan, frames of the photo, and likely partners.
+"""Ready regions of the scan to accept or refuse: large smooth facets, and openings.
 
 Nothing here is taken without asking: every proposal carries its score.
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from scipy.spatial import Delaunay
 
 from ..arrays import ArrayLike, BoolArray, FloatArray, IndexArray
-from ..cameras.base import Camera
-from ..errors import FrescoError, RegionError
 from ..geometry.boundary import boundary_loops, without_collinear
 from ..geometry.outlines import loop_area
 from ..jobs import Job, Progress
 from ..settings import RegionSettings
 from .frames import polygon_areas
-from .image_region import ImageRegion
 from .robust_fit import fit_plane
 from .surface_index import SurfaceIndex, labelled
 from .surface_region import SurfaceRegion
 from .surface_wand import grow_surface, region_faces
-from .transfer import overlap, project_region
-from .wand import Level, PhotoWand
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,23 +30,6 @@ class SurfaceProposal:
     faces: IndexArray
     area: float
     score: float
-
-
-class _Solved(Protocol):
-    @property
-    def overlap_error(self) -> float: ...
-
-
-@dataclass(frozen=True, eq=False)
-class PairingProposal:
-    """Which surface region may belong to which image region: index pairs, and the pose that they give.
-
-    `error` is the overlap error in percent: the smaller the better.
-    """
-
-    pairs: tuple[tuple[int, int], ...]
-    error: float
-    pose: object
 
 
 def propose_facets_job(
@@ -160,105 +133,3 @@ def _triangulated(corners: FloatArray) -> IndexArray:
     triangles: IndexArray = Delaunay(corners).simplices.astype(np.int64)
     large = polygon_areas(corners[triangles]) > 1e-9 * float(np.ptp(corners, axis=0).max()) ** 2
     return triangles[large & points_inside(corners, corners[triangles].mean(axis=1))]
-
-
-def propose_image_regions_job(wand: PhotoWand, count: int = 12, across: int = 7) -> Job[list[Level]]:
-    """Frames and closed areas of a photo, best first.
-
-    The wand clicked on a grid, `across` times side to side.
-    """
-    height, width = wand.image.shape[:2]
-    step = width / across
-    rows, columns = np.arange(step / 2, height, step).tolist(), np.arange(step / 2, width, step).tolist()
-    grid = list(itertools.product(columns, rows))
-    camera_size = np.array([width, height])
-    found: list[tuple[Level, BoolArray]] = []
-    for number, pixel in enumerate(grid):
-        yield Progress(number / len(grid), f"Looking for regions: {len(found)}")
-        try:
-            level = wand.click(pixel).level()
-        except RegionError:
-            continue
-        cut_off = np.any(level.outline < 2) or np.any(level.outline > camera_size - 3)
-        if cut_off or level.area < 1e-3 * width * height:
-            continue
-        mask = wand.mask([level.outline])[::8, ::8]
-        rival = [k for k, other in enumerate(found) if _alike(mask, other[1])]
-        if not rival:
-            found.append((level, mask))
-        elif level.score > found[rival[0]][0].score:
-            found[rival[0]] = (level, mask)
-    return [level for level, _ in sorted(found, key=lambda pair: -pair[0].score)[:count]]
-
-
-def _alike(first: BoolArray, second: BoolArray) -> bool:
-    union = np.count_nonzero(first | second)
-    return union > 0 and np.count_nonzero(first & second) > 0.6 * union
-
-
-def propose_partners(
-    camera: Camera,
-    rotation: ArrayLike,
-    translation: ArrayLike,
-    image_regions: Sequence[ImageRegion],
-    surface_regions: Sequence[SurfaceRegion],
-    least_overlap: float = 0.3,
-) -> list[tuple[int, int, float]]:
-    """Partners by projecting with a rough pose: (image region, surface region, overlap 0..1), best first.
-
-    Every region is used once at most.
-    """
-    candidates = []
-    for j, surface in enumerate(surface_regions):
-        try:
-            projected = ImageRegion(project_region(camera, rotation, translation, surface))
-        except RegionError:  # behind the camera: no partner in this photo
-            continue
-        for i, region in enumerate(image_regions):
-            share = overlap(region, projected, camera)
-            if share >= least_overlap:
-                candidates.append((i, j, share))
-    chosen: list[tuple[int, int, float]] = []
-    for i, j, share in sorted(candidates, key=lambda entry: -entry[2]):
-        if all(i != a and j != b for a, b, _ in chosen):
-            chosen.append((i, j, share))
-    return chosen
-
-
-def propose_pairings_job(
-    solve: Callable[[Sequence[ImageRegion], Sequence[SurfaceRegion]], _Solved],
-    image_regions: Sequence[ImageRegion],
-    surface_regions: Sequence[SurfaceRegion],
-    count: int = 5,
-    limit: int = 200,
-) -> Job[list[PairingProposal]]:
-    """Pairings without a pose.
-
-    Combinations of two regions, each solved and scored; the best `count` to choose from.
-
-    `solve` is the pose solver, called with paired regions; it raises FrescoError where a pairing cannot be.
-    More than `limit` combinations are refused: the user has to choose fewer regions.
-    """
-    images, surfaces = range(len(image_regions)), range(len(surface_regions))
-    together = min(2, len(images), len(surfaces))
-    if together == 0:
-        raise RegionError("Mark regions in the photo and on the scan first.")
-    trials = [
-        tuple(zip(some, others, strict=True))
-        for some in itertools.combinations(images, together)
-        for others in itertools.permutations(surfaces, together)
-    ]
-    if len(trials) > limit:
-        raise RegionError(
-            f"{len(trials)} combinations are too many to try: choose at most four regions in the photo "
-            "and on the scan."
-        )
-    proposals = []
-    for number, pairs in enumerate(trials):
-        yield Progress(number / len(trials), f"Trying pairing {number + 1} of {len(trials)}")
-        try:
-            pose = solve([image_regions[i] for i, _ in pairs], [surface_regions[j] for _, j in pairs])
-        except FrescoError:  # this pairing has no pose, which is what the trial was to tell
-            continue
-        proposals.append(PairingProposal(pairs, pose.overlap_error, pose))
-    return sorted(proposals, key=lambda proposal: proposal.error)[:count]
