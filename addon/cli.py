@@ -12,7 +12,15 @@ from pathlib import Path
 
 from ..core.errors import FrescoError, ProjectError
 from ..core.jobs import Job, Progress, drain, part
-from ..core.project import PhotoPose, Project, ProjectResult, load_project, remarks, run_project_job
+from ..core.project import (
+    PhotoPose,
+    Project,
+    ProjectResult,
+    Refinement,
+    load_project,
+    remarks,
+    run_project_job,
+)
 from ..core.project.provenance import fresco_version
 
 DONE, FAILED, WRONG_PROJECT = 0, 1, 2
@@ -137,14 +145,22 @@ class ProgressPrinter:
 
 def describe(pose: PhotoPose) -> str:
     """Return a photo's result in words."""
-    if pose.given:
-        return "pose given"
     if not pose.solved:
         return f"not solved: {pose.failure}"
-    return (
-        f"overlap error {pose.overlap_error:.2f} %, "
-        f"± {1000 * pose.pose.centre_sigma:.1f} mm, ± {pose.pose.rotation_sigma:.3f}°"
-    )
+    parts = ["pose given"] if pose.given else []
+    if pose.overlap_error is not None:
+        parts.append(f"overlap error {pose.overlap_error:.2f} %")
+    if pose.sure_pose is not None:
+        parts.append(f"± {1000 * pose.pose.centre_sigma:.1f} mm, ± {pose.pose.rotation_sigma:.3f}°")
+    return "; ".join([", ".join(parts), *(describe_step(step) for step in pose.refinements)])
+
+
+def describe_step(step: Refinement) -> str:
+    """Return in words what one step of refining did."""
+    what, unit = {"edges": ("edges agree", ""), "joint": ("to other photos", " px")}[step.method]
+    if not step.moved:
+        return f"{what}: kept"
+    return f"{what} {step.score_before:.2f} → {step.score_after:.2f}{unit}"
 
 
 def _start_blender() -> None:

@@ -20,7 +20,7 @@ from ...core.cameras.files import camera_from_dict, camera_to_dict
 from ...core.errors import PhotoError
 from ...core.photos import Photo, RegionMark, View
 from ...core.pose import Pose
-from ...core.project.poses import PhotoPose, pose_from_dict, pose_to_dict
+from ...core.project.photo_pose import PhotoPose, pose_from_dict, pose_to_dict
 from ..properties import FrescoMark, FrescoPhoto
 from . import cameras
 from .images import load_image, pack_photo, read_mask_pixels
@@ -205,9 +205,10 @@ def read_mark(scene: bpy.types.Scene, mark: FrescoMark) -> RegionMark | None:
     region = next((r for r in scene.fresco.regions if r.uid == mark.region_id), None)
     if region is None or mark.image is None:
         return None
+    hidden = None if mark.hidden is None else read_mask_pixels(mark.hidden)
     if mark.image.filepath and not mark.image.is_dirty and mark.image.packed_file is None:
-        return RegionMark(region.name, path=Path(bpy.path.abspath(mark.image.filepath)))
-    return RegionMark(region.name, mask=read_mask_pixels(mark.image))
+        return RegionMark(region.name, path=Path(bpy.path.abspath(mark.image.filepath)), hidden=hidden)
+    return RegionMark(region.name, mask=read_mask_pixels(mark.image), hidden=hidden)
 
 
 def read_photo(scene: bpy.types.Scene, item: FrescoPhoto) -> Photo:

@@ -2,7 +2,9 @@
 
 from .entries import Project
 from .load import load_project
-from .poses import PhotoPose, solve_poses, solve_poses_job
+from .photo_pose import PhotoPose, Refinement
+from .poses import solve_poses, solve_poses_job
+from .refinement import RefineSettings, refine_poses, refine_poses_job
 from .remarks import remarks
 from .run import ProjectResult, run_project, run_project_job
 from .textures import TexturedScan, texture_scan, texture_scan_job
@@ -11,8 +13,12 @@ __all__ = [
     "PhotoPose",
     "Project",
     "ProjectResult",
+    "RefineSettings",
+    "Refinement",
     "TexturedScan",
     "load_project",
+    "refine_poses",
+    "refine_poses_job",
     "remarks",
     "run_project",
     "run_project_job",

@@ -13,6 +13,7 @@ from typing import Literal
 from ..arrays import FloatArray
 from ..photos.photo import Photo
 from ..settings import PoseSettings, ScanSettings, TextureSettings
+from .refinement import RefineSettings
 
 Use = Literal["texture", "pose", "none"]
 
@@ -59,11 +60,15 @@ class RegionEntries:
 
 @dataclass(frozen=True, eq=False)
 class PhotoEntry:
-    """A photo of the project; a given `pose` (rotation (3,3), translation (3,)) is not solved again."""
+    """A photo of the project; a given `pose` (rotation (3,3), translation (3,)) is not solved again.
+
+    `refine` tells whether its pose may be moved by refinement; others are tied to one that may not.
+    """
 
     photo: Photo
     use: Use = "texture"
     pose: tuple[FloatArray, FloatArray] | None = None
+    refine: bool = True
 
 
 @dataclass(frozen=True)
@@ -88,5 +93,6 @@ class Project:
     photos: tuple[PhotoEntry, ...]
     pose: PoseSettings
     up: FloatArray | None
+    refine: RefineSettings
     texture: TextureSettings
     output: OutputEntry

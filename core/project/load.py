@@ -11,9 +11,10 @@ import numpy as np
 from ..arrays import FloatArray
 from ..errors import ProjectError
 from ..scans.read import READERS
-from ..settings import PoseSettings, ScanSettings, TextureSettings
+from ..settings import EdgeSettings, JointSettings, PoseSettings, ScanSettings, TextureSettings
 from .entries import LabelSource, OutputEntry, Project, RegionEntries, ScanEntry
 from .photos import read_photos
+from .refinement import RefineSettings
 from .settings import read_settings
 from .table import Table
 
@@ -42,6 +43,7 @@ def load_project(path: Path | str) -> Project:
         photos=read_photos(root),
         up=_up(pose),
         pose=_settings(pose, PoseSettings),
+        refine=_refine(root.table("refine")),
         texture=_settings(root.table("texture"), TextureSettings),
         output=_output(root.table("output"), path),
     )
@@ -70,6 +72,21 @@ def _up(table: Table) -> FloatArray | None:
     if not up.any():
         table.fail("up", "has no direction; give where up is in the scan's axes, such as [0, 0, 1]")
     return up
+
+
+def _refine(table: Table) -> RefineSettings:
+    """Which refinements run: `edges`, `joint` are true, false, or a table of settings."""
+    chosen = RefineSettings(_optional(table, "edges", EdgeSettings), _optional(table, "joint", JointSettings))
+    table.finish()
+    return chosen
+
+
+def _optional(table: Table, key: str, kind: type[Any]) -> Any:
+    """Settings of a stage that is off unless its key is true or a table."""
+    value = table.get(key, False)
+    if isinstance(value, dict):
+        return _settings(table.table(key), kind)
+    return kind() if table.flag(key, False) else None
 
 
 def _scan(table: Table) -> ScanEntry:

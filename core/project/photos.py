@@ -24,7 +24,7 @@ from .table import Table, hint
 T = TypeVar("T")
 
 _USES: tuple[Use, ...] = ("texture", "pose", "none")
-_KEYS = ("path", "camera", "regions", "mask", "use", "pose")
+_KEYS = ("path", "camera", "regions", "mask", "use", "pose", "refine")
 
 
 @dataclass
@@ -149,7 +149,9 @@ def _entry(draft: _Draft, cameras: Mapping[str, CameraEntry], size: tuple[int, i
     if use == "none":
         return None
     pose = _pose(sources["pose"].table("pose")) if "pose" in sources else None
-    return PhotoEntry(_photo(draft, cameras, size), use, pose)
+    # a pose that was given is right unless its photo says that it may be moved
+    refine = sources["refine"].flag("refine", True) if "refine" in sources else pose is None
+    return PhotoEntry(_photo(draft, cameras, size), use, pose, refine)
 
 
 def _photo(draft: _Draft, cameras: Mapping[str, CameraEntry], size: tuple[int, int]) -> Photo:

@@ -4,52 +4,24 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
-from ..arrays import ArrayLike, FloatArray
+from ..arrays import ArrayLike
 from ..cameras.files.dictionary import camera_to_dict
 from ..errors import PoseNotFound, RegionError
 from ..jobs import Job, Progress, drain, part
 from ..photos.marks import RegionMark, touches_frame
 from ..photos.photo import Photo
-from ..pose.pose import Pose
 from ..pose.regions.estimate import estimate_pose_job
 from ..pose.regions.region_pose import RegionPose
 from ..regions.image_region import ImageRegion
 from ..regions.surface_region import SurfaceRegion
 from ..settings import PoseSettings
 from .digest import code_digest, digest
+from .photo_pose import PhotoPose, pose_from_dict, pose_to_dict
 from .store import Store
-
-
-@dataclass(frozen=True, eq=False)
-class PhotoPose:
-    """What became of a photo: its pose, or the sentence that says why it has none.
-
-    `pose` is in the local coordinates of the scan. An ambiguous pose is kept for showing, but `failure` says
-    that it does not count. `regions` are the names that were used; `notes` tell of those that were not.
-    """
-
-    photo: str
-    pose: Pose | None
-    failure: str = ""
-    regions: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-    given: bool = False
-    seconds: float = 0.0
-
-    @property
-    def solved(self) -> bool:
-        """Whether the pose can be used."""
-        return self.pose is not None and not self.failure
-
-    @property
-    def overlap_error(self) -> float | None:
-        """Overlap error δ in percent; None for a given pose."""
-        return self.pose.overlap_error if isinstance(self.pose, RegionPose) else None
 
 
 def solve_poses(
@@ -123,9 +95,9 @@ def _read_regions(
 
 def _image_region(mark: RegionMark, mask: ArrayLike | None) -> ImageRegion:
     if mask is not None:
-        return ImageRegion.from_mask(mask, mark.name)
+        return ImageRegion.from_mask(mask, mark.name, mark.hidden)
     assert mark.outline is not None  # a mark without mask is a polygon
-    return ImageRegion.from_polygon(mark.outline, mark.holes, mark.name)
+    return replace(ImageRegion.from_polygon(mark.outline, mark.holes, mark.name), hidden=mark.hidden)
 
 
 def _solve_job(
@@ -164,59 +136,8 @@ def _key(
     up: ArrayLike | None,
 ) -> str:
     """Fingerprint of all that the pose depends on; the pixels of the photo are not among it."""
-    outlines = [(image.name, image.frame, list(image.loops), surfaces[image.name]) for image in images]
+    outlines = [
+        (image.name, image.frame, list(image.loops), image.hidden, surfaces[image.name]) for image in images
+    ]
     upward = np.asarray(() if up is None else up)
     return digest(code_digest(), camera_to_dict(photo.camera), outlines, settings, upward)
-
-
-def pose_to_dict(result: PhotoPose) -> dict[str, Any]:
-    """Plain numbers and texts of a result, as `pose_from_dict` reads them."""
-    pose = result.pose
-    return {
-        "photo": result.photo,
-        "pose": None if pose is None else _pose_numbers(pose),
-        "failure": result.failure,
-        "regions": list(result.regions),
-        "notes": list(result.notes),
-        "seconds": result.seconds,
-    }
-
-
-def _pose_numbers(pose: Pose) -> dict[str, Any]:
-    numbers: dict[str, Any] = {
-        name: getattr(pose, name).tolist() for name in ("rotation", "translation", "covariance")
-    }
-    if isinstance(pose, RegionPose):
-        for name in ("overlap_error", "ambiguous", "reason", "locked"):
-            numbers[name] = getattr(pose, name)
-        numbers["region_errors"] = list(pose.region_errors)
-        numbers["alternatives"] = [_pose_numbers(other) for other in pose.alternatives]
-    return numbers
-
-
-def pose_from_dict(saved: Mapping[str, Any]) -> PhotoPose:
-    """Return the result that `pose_to_dict` wrote down."""
-    pose = saved["pose"]
-    return PhotoPose(
-        saved["photo"],
-        None if pose is None else _region_pose(pose),
-        saved["failure"],
-        tuple(saved["regions"]),
-        tuple(saved["notes"]),
-        seconds=saved["seconds"],
-    )
-
-
-def _region_pose(numbers: Mapping[str, Any]) -> RegionPose:
-    arrays: dict[str, FloatArray] = {
-        name: np.array(numbers[name]) for name in ("rotation", "translation", "covariance")
-    }
-    return RegionPose(
-        **arrays,
-        overlap_error=numbers["overlap_error"],
-        region_errors=tuple(numbers["region_errors"]),
-        alternatives=tuple(_region_pose(other) for other in numbers["alternatives"]),
-        ambiguous=numbers["ambiguous"],
-        reason=numbers["reason"],
-        locked=numbers["locked"],
-    )

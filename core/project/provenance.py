@@ -22,7 +22,7 @@ from ..files import replacing
 from ..scans.scan import Scan
 from .digest import FINGERPRINT, code_digest
 from .entries import PhotoEntry, Project
-from .poses import PhotoPose
+from .photo_pose import PhotoPose, Refinement
 from .store import packed
 from .textures import TexturedScan
 
@@ -64,6 +64,7 @@ def provenance(
         "settings": {
             "scan": dataclasses.asdict(project.scan.settings),
             "pose": dataclasses.asdict(project.pose),
+            "refine": dataclasses.asdict(project.refine),
             "texture": dataclasses.asdict(project.texture),
         },
         "scan": {
@@ -127,17 +128,40 @@ def _photo(entry: PhotoEntry, result: PhotoPose, scan: Scan, textured: TexturedS
         "faces": _face_count(entry, textured),
     }
     if result.pose is not None:
-        pose = result.pose
+        pose, sure = result.pose, result.sure_pose
         out["pose"] = {
             "given": result.given,
             "rotation": pose.rotation.tolist(),
             "translation": world_translation(pose.rotation, pose.translation, scan.offset).tolist(),
             "centre": (pose.centre + scan.offset).tolist(),
             "overlap_error": result.overlap_error,
-            "rotation_sigma": None if result.given else pose.rotation_sigma,
-            "centre_sigma": None if result.given else pose.centre_sigma,
+            "rotation_sigma": None if sure is None else sure.rotation_sigma,
+            "centre_sigma": None if sure is None else sure.centre_sigma,
+            "covariance": None if sure is None else sure.covariance.tolist(),
+            "refinements": [_refinement(step, scan) for step in result.refinements],
         }
     return out
+
+
+def _refinement(step: Refinement, scan: Scan) -> dict[str, Any]:
+    """One step of refining: the pose before it, in the world of the scan's file, and what it found."""
+    start = step.start
+    return {
+        "method": step.method,
+        "start": {
+            "rotation": start.rotation.tolist(),
+            "translation": world_translation(start.rotation, start.translation, scan.offset).tolist(),
+        },
+        "score_before": _number(step.score_before),
+        "score_after": _number(step.score_after),
+        "count": step.count,
+        "note": step.note,
+    }
+
+
+def _number(value: float) -> float | None:
+    """A number as JSON knows it: nothing where it is not known."""
+    return value if np.isfinite(value) else None
 
 
 def _face_count(entry: PhotoEntry, textured: TexturedScan) -> int:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from ..regions.surface_region import SurfaceRegion
-from .poses import PhotoPose
+from .photo_pose import PhotoPose
 from .run import ProjectResult
 
 WEAK_SHARE = 0.01
@@ -27,7 +27,8 @@ def remarks(result: ProjectResult) -> list[str]:
 
 def _on_pose(pose: PhotoPose, surfaces: Mapping[str, SurfaceRegion]) -> list[str]:
     weak = weakness(pose, surfaces)
-    return [*pose.notes, weak] if weak else [*pose.notes]
+    kept = [step.note for step in pose.refinements if step.note]
+    return [*pose.notes, *kept, *([weak] if weak else [])]
 
 
 def weakness(result: PhotoPose, surfaces: Mapping[str, SurfaceRegion]) -> str:

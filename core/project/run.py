@@ -25,8 +25,10 @@ from ..settings import ScanSettings
 from ..texture import write_obj_job
 from .digest import file_digest
 from .entries import PhotoEntry, Project
-from .poses import PhotoPose, solve_poses_job
+from .photo_pose import PhotoPose
+from .poses import solve_poses_job
 from .provenance import local_translation, provenance, write_photo_per_face, write_provenance
+from .refinement import RefineSettings, refine_poses_job, view_of
 from .store import Store
 from .surfaces import check_partners, region_faces, surface_regions
 from .textures import TexturedScan, texture_scan_job
@@ -72,6 +74,7 @@ def run_project_job(project: Project) -> Job[ProjectResult]:
     the FrescoError that says what is wrong.
     """
     clock: dict[str, float] = {}
+    _check_texturable(project)
     digests = yield from part(_timed(check_inputs_job(project), clock, "check"), 0.0, 0.05)
     scan, occluders = yield from part(_timed(read_scans_job(project), clock, "scan"), 0.05, 0.15)
     faces = region_faces(project, scan)
@@ -79,10 +82,13 @@ def run_project_job(project: Project) -> Job[ProjectResult]:
     surfaces = surface_regions(scan, faces)
     _check_writable(project)
     store = Store(project.output.folder / "cache")
-    poses = yield from part(_timed(_pose_job(project, scan, surfaces, store), clock, "poses"), 0.15, 0.45)
+    poses = yield from part(_timed(_pose_job(project, scan, surfaces, store), clock, "poses"), 0.15, 0.35)
+    if project.refine != RefineSettings():
+        job = _timed(_refine_job(project, scan, poses, store), clock, "refinement")
+        poses = yield from part(job, 0.35, 0.55)
     views = _views(project, poses)
     texture_job = texture_scan_job(scan, views, project.texture, occluders, store)
-    textured = yield from part(_timed(texture_job, clock, "texture"), 0.45, 0.9)
+    textured = yield from part(_timed(texture_job, clock, "texture"), 0.55, 0.9)
     if project.output.obj:
         yield from part(_timed(_obj_job(project, scan, textured), clock, "obj"), 0.9, 1.0)
     record = provenance(project, digests, scan, poses, textured, clock)
@@ -90,6 +96,13 @@ def run_project_job(project: Project) -> Job[ProjectResult]:
     write_provenance(output_path(project, "_provenance.json"), record)
     hiding = tuple(occluders)
     return ProjectResult(project, scan, faces, surfaces, poses, textured, record, clock, hiding)
+
+
+def _check_texturable(project: Project) -> None:
+    """Refuse a project whose photos may all be posed but not used: it would find out at the very end."""
+    if all(entry.use == "pose" for entry in project.photos):
+        reason = 'all photos have "pose", so none gives texture; write use = "texture" for those that may'
+        raise ProjectError(project.path, "photo.use", reason)
 
 
 def output_path(project: Project, ending: str) -> Path:
@@ -187,6 +200,12 @@ def _pose_job(
     return poses
 
 
+def _refine_job(project: Project, scan: Scan, poses: list[PhotoPose], store: Store) -> Job[list[PhotoPose]]:
+    held = {entry.photo.name for entry in project.photos if not entry.refine}
+    photos = [entry.photo for entry in project.photos]
+    return refine_poses_job(scan, photos, poses, project.refine, held, store)
+
+
 def _given(entry: PhotoEntry, scan: Scan) -> PhotoPose:
     """Return the pose that the project file gives, in local coordinates; its uncertainty is not known."""
     assert entry.pose is not None
@@ -197,18 +216,11 @@ def _given(entry: PhotoEntry, scan: Scan) -> PhotoPose:
 
 def _views(project: Project, poses: list[PhotoPose]) -> list[View]:
     """Posed photos for texturing."""
-    views = []
-    for entry, result in zip(project.photos, poses, strict=True):
-        if entry.use == "texture" and result.solved and result.pose is not None:
-            pose, photo = result.pose, entry.photo
-            covariance = None if result.given else pose.covariance
-            views.append(
-                View(
-                    photo.camera, pose.rotation, pose.translation, photo.path, photo.name,
-                    photo.read_mask(), covariance,
-                )
-            )  # fmt: skip
-    return views
+    return [
+        view_of(entry.photo, result)
+        for entry, result in zip(project.photos, poses, strict=True)
+        if entry.use == "texture" and result.solved
+    ]
 
 
 def _obj_job(project: Project, scan: Scan, textured: TexturedScan) -> Job[Path]:

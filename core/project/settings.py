@@ -8,10 +8,19 @@ import types
 import typing
 from typing import Any, TypeVar
 
-from ..settings import PoseSettings, ScanSettings, TextureSettings
+from ..settings import (
+    AtlasSettings,
+    EdgeSettings,
+    JointSettings,
+    PoseSettings,
+    ScanSettings,
+    TextureSettings,
+)
 from .table import Table
 
-Settings = TypeVar("Settings", ScanSettings, PoseSettings, TextureSettings)
+Settings = TypeVar(
+    "Settings", ScanSettings, PoseSettings, EdgeSettings, JointSettings, TextureSettings, AtlasSettings
+)
 
 _RANGES = {
     "weld_distance": (0.0, 1.0),
@@ -22,6 +31,12 @@ _RANGES = {
     "visible_share": (0.0, 1.0),
     "clipped_level": (1.0, 255.0),
     "max_candidates": (1.0, 1000.0),
+    "photo_size": (64.0, 65536.0),
+    "min_share": (0.0, 1.0),
+    "max_parallax": (1.0, 180.0),
+    "page_size": (64.0, 32768.0),
+    "padding": (0.0, 256.0),
+    "blend_rings": (0.0, 64.0),
 }
 """Range of the settings that have an upper end too; other numbers are at least 0."""
 
@@ -49,7 +64,7 @@ def _value(table: Table, key: str, hint: Any) -> Any:
         hint = next(part for part in typing.get_args(hint) if part is not type(None))
         origin = typing.get_origin(hint)
     if origin is typing.Literal:
-        return table.choice(key, typing.get_args(hint), "")
+        return _choice(table, key, typing.get_args(hint))
     if origin is tuple:
         return table.numbers(key, [len(typing.get_args(hint))])
     if hint is bool:
@@ -61,3 +76,13 @@ def _value(table: Table, key: str, hint: Any) -> Any:
     if hint is int and number != int(number):
         table.fail(key, f"has to be a whole number, not {number:g}")
     return int(number) if hint is int else number
+
+
+def _choice(table: Table, key: str, options: tuple[Any, ...]) -> Any:
+    """One of some words or numbers."""
+    if all(isinstance(option, str) for option in options):
+        return table.choice(key, options, "")
+    number = table.number(key)
+    if number not in options:
+        table.fail(key, f"has to be one of {', '.join(map(str, options))}, not {number:g}")
+    return options[options.index(number)]

@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray
+from ..arrays import BoolArray, Float32Array, FloatArray
 from ..cameras.files.dictionary import camera_to_dict
 from ..geometry.rigid import camera_centre, rotation_angle
 from ..photos.photo import Photo
-from ..project.poses import PhotoPose
+from ..project.maps import median_over_area, texture_shift
+from ..project.photo_pose import PhotoPose, Refinement
 from ..project.run import ProjectResult
 from ..project.textures import TexturedScan
 from ..regions.surface_region import SurfaceRegion
@@ -45,7 +46,8 @@ class PhotoRow:
 
     `overlap_error` in percent, `rotation_sigma` and `rotation_error` in degrees, `centre_sigma` and
     `centre_error` in mm, `area` in m², `texel_size` (median over the surface that uses the photo) in mm,
-    `shift` against the photos that see the same surface in pixels.
+    `shift` against the photos that see the same surface in pixels; `surface_shift` is the standard deviation
+    in mm, median over that surface, that the pose's uncertainty causes there.
     """
 
     name: str
@@ -64,6 +66,8 @@ class PhotoRow:
     shift: float | None = None
     rotation_error: float | None = None
     centre_error: float | None = None
+    surface_shift: float | None = None
+    refinements: tuple[Refinement, ...] = ()
 
 
 def project_report(
@@ -88,13 +92,17 @@ def project_report(
 
 def photo_rows(report: Report) -> list[PhotoRow]:
     """Numbers of every photo, in the order of `report.photos`."""
-    areas = np.zeros(0) if report.textured is None else face_areas(report.textured)
-    return [_row(report, p, r, areas) for p, r in zip(report.photos, report.poses, strict=True)]
+    textured = report.textured
+    areas = np.zeros(0) if textured is None else face_areas(textured)
+    shifts = np.zeros(0, dtype=np.float32) if textured is None else texture_shift(textured)
+    photos = zip(report.photos, report.poses, strict=True)
+    return [_row(report, photo, result, areas, shifts) for photo, result in photos]
 
 
-def _row(report: Report, photo: Photo, result: PhotoPose, areas: FloatArray) -> PhotoRow:
-    pose = result.pose
-    known = pose is not None and not result.given
+def _row(
+    report: Report, photo: Photo, result: PhotoPose, areas: FloatArray, shifts: Float32Array
+) -> PhotoRow:
+    pose, sure = result.pose, result.sure_pose
     used = faces_of_photo(report.textured, photo.name)
     rotation_error, centre_error = _errors(report, result)
     return PhotoRow(
@@ -106,15 +114,21 @@ def _row(report: Report, photo: Photo, result: PhotoPose, areas: FloatArray) -> 
         (*photo.notes, *result.notes),
         result.failure,
         result.overlap_error,
-        pose.rotation_sigma if known and pose else None,
-        1000 * pose.centre_sigma if known and pose else None,
+        None if sure is None else sure.rotation_sigma,
+        None if sure is None else 1000 * sure.centre_sigma,
         None if used is None else int(used.sum()),
         None if used is None else float(areas[used].sum()),
         _texel_size(report.textured, used, areas),
         _shift(report.textured, photo.name),
         rotation_error,
         centre_error,
+        None if used is None else _in_mm(median_over_area(shifts[used], areas[used])),
+        result.refinements,
     )
+
+
+def _in_mm(metres: float | None) -> float | None:
+    return None if metres is None else 1000 * metres
 
 
 def faces_of_photo(textured: TexturedScan | None, name: str) -> BoolArray | None:
@@ -129,10 +143,7 @@ def _texel_size(textured: TexturedScan | None, used: BoolArray | None, areas: Fl
     """Median over the area, in mm."""
     if textured is None or used is None or not used.any():
         return None
-    size, area = textured.selection.texel_size[used], areas[used]
-    order = np.argsort(size)
-    middle = np.searchsorted(np.cumsum(area[order]), 0.5 * area.sum())
-    return 1000 * float(size[order][min(int(middle), len(order) - 1)])
+    return _in_mm(median_over_area(textured.selection.texel_size[used], areas[used]))
 
 
 def _shift(textured: TexturedScan | None, name: str) -> float | None:

@@ -10,6 +10,7 @@ from html import escape
 
 import numpy as np
 
+from ..project.photo_pose import Method
 from .content import PhotoRow, Report
 from .figures import FaceMap
 from .style import STYLE
@@ -115,9 +116,9 @@ def _problem(name: str, status: str, text: str) -> str:
 
 _COLUMNS = (
     ("Photo", ""), ("Camera", ""), ("State", ""), ("Regions", ""),
-    ("Overlap error", "%"), ("Rotation σ", "°"), ("Centre σ", "mm"), ("Rotation error", "°"),
-    ("Centre error", "mm"), ("Shift to others", "px"), ("Faces", ""), ("Area", "m²"),
-    ("Pixel on surface", "mm"),
+    ("Overlap error", "%"), ("Edges", ""), ("To other photos", "px"), ("Rotation σ", "°"), ("Centre σ", "mm"),
+    ("Surface σ", "mm"), ("Rotation error", "°"), ("Centre error", "mm"), ("Shift to others", "px"),
+    ("Faces", ""), ("Area", "m²"), ("Pixel on surface", "mm"),
 )  # fmt: skip
 
 
@@ -138,8 +139,9 @@ def _photo_table(rows: Sequence[PhotoRow]) -> str:
     )
     caption = (
         "Overlap error: the part of marked and projected regions that does not overlap. σ: one standard "
-        "deviation as estimated from the regions’ outlines, all axes together. Shift: where a photo shows "
-        "details against where the other photos show them, median."
+        "deviation, all axes together; surface σ: how far the photo may therefore lie off on the scan, "
+        "median. Edges, to other photos: before → after refinement; edges agree by 1 where photo and scan "
+        "have nothing in common. Shift: where a photo shows details against where the others show them, median."
     )
     return (
         f'<section><h2>Photos</h2><div class="wide"><table><caption>{caption}</caption>'
@@ -155,8 +157,11 @@ def _cells(row: PhotoRow) -> list[str]:
         f'<span class="{row.status}">{row.status}</span>',
         escape(", ".join(row.regions)) or _NOTHING,
         _number(row.overlap_error, "{:.2f}"),
+        _change(row, "edges", "{:.2f}"),
+        _change(row, "joint", "{:.1f}"),
         _number(row.rotation_sigma, "{:.3f}"),
         _number(row.centre_sigma, "{:.1f}"),
+        _number(row.surface_shift, "{:.2f}"),
         _number(row.rotation_error, "{:.3f}"),
         _number(row.centre_error, "{:.1f}"),
         _number(row.shift, "{:.1f}"),
@@ -164,6 +169,15 @@ def _cells(row: PhotoRow) -> list[str]:
         _number(row.area, "{:.2f}"),
         _number(row.texel_size, "{:.2f}"),
     ]
+
+
+def _change(row: PhotoRow, method: Method, form: str) -> str:
+    """Score before and after the last refinement of a kind; one number where the pose was kept."""
+    steps = [step for step in row.refinements if step.method == method]
+    if not steps or not np.isfinite(steps[-1].score_before):
+        return _NOTHING
+    before = _number(steps[-1].score_before, form)
+    return f"{before} → {_number(steps[-1].score_after, form)}" if steps[-1].moved else f"{before} (kept)"
 
 
 def _align(column: int) -> str:
@@ -194,7 +208,8 @@ def _photo(figure: Figure, row: PhotoRow) -> str:
     if row.rotation_sigma is not None and row.centre_sigma is not None:
         parts.append(f"σ {row.rotation_sigma:.3f}° and {row.centre_sigma:.1f} mm")
     caption = f": {escape(', '.join(parts))}."
-    caption += "".join(f" {escape(note)}" for note in row.notes)
+    kept = [step.note for step in row.refinements if step.note]
+    caption += "".join(f" {escape(note)}" for note in (*row.notes, *kept))
     regions = ", ".join(row.regions) or "none"
     return _figure(figure, caption, f"Photo {row.name} with the outlines of its regions: {regions}")
 

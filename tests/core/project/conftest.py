@@ -123,7 +123,7 @@ def corner_scan():
     return np.concatenate(vertices), np.concatenate(faces), np.concatenate(labels)
 
 
-def corner_photo(eye, target):
+def corner_photo(eye, target, speckled=False):
     """Rotation, translation, colours (H,W,3) and region masks of a photo of the corner."""
     forward = np.subtract(target, eye) / np.linalg.norm(np.subtract(target, eye))
     right = np.cross(forward, [0, 0, 1.0])
@@ -144,11 +144,28 @@ def corner_photo(eye, target):
     up = points[..., 2] / CELL
     wave = np.sin(0.9 * along + wall)[..., None] * np.cos([0.5 * up, 0.7 * up, 0.9 * up]).transpose(1, 2, 0)
     rgb = np.clip(130 + 90 * wave, 0, 255).astype(np.uint8)
+    if speckled:  # detail that features hold on to, the same in every photo
+        grain = np.random.default_rng(3).uniform(0.3, 1.0, (2, 400, 320))
+        rgb = (rgb * speckle(grain, wall, along / 20, up / 15)[..., None]).astype(np.uint8)
     masks = {
         name: (wall == w) & (along > low[0]) & (along < high[0]) & (up > low[1]) & (up < high[1])
         for name, (w, low, high) in REGIONS.items()
     }
     return rotation, -rotation @ np.asarray(eye), rgb, masks
+
+
+def speckle(grain, wall, along, up):
+    """Bilinear values of a grid per wall at places in 0..1."""
+    out = np.zeros(wall.shape)
+    for number in (0, 1):
+        here = wall == number
+        x, y = (np.clip(a[here], 0, 0.999) * (n - 1) for a, n in ((along, 400), (up, 320)))
+        i, j = x.astype(int), y.astype(int)
+        a, b = x - i, y - j
+        g = grain[number]
+        low = g[i, j] * (1 - a) + g[i + 1, j] * a
+        out[here] = low * (1 - b) + (g[i, j + 1] * (1 - a) + g[i + 1, j + 1] * a) * b
+    return out
 
 
 EYES = {"A": (3.6, 4.4, 1.5), "B": (4.6, 3.4, 1.7), "C": (2.9, 5.0, 1.2)}
@@ -158,13 +175,13 @@ EYES = {"A": (3.6, 4.4, 1.5), "B": (4.6, 3.4, 1.7), "C": (2.9, 5.0, 1.2)}
 def corner(tmp_path):
     """Return a function that writes the corner project, moved by an offset (m), and tells the true poses."""
 
-    def write(offset=(0.0, 0.0, 0.0), folder=tmp_path / "Sarok, mérés 1"):
+    def write(offset=(0.0, 0.0, 0.0), folder=tmp_path / "Sarok, mérés 1", speckled=False):
         vertices, faces, labels = corner_scan()
         write_scan(folder / "scan.ply", vertices + np.asarray(offset), faces)
         np.save(folder / "labels.npy", labels)
         truth = {}
         for name, eye in EYES.items():
-            rotation, translation, rgb, masks = corner_photo(eye, (0.9, 0.9, 1.5))
+            rotation, translation, rgb, masks = corner_photo(eye, (0.9, 0.9, 1.5), speckled)
             write_image(folder / "photos" / f"{name}.png", rgb[:, :, ::-1])
             for region, mask in masks.items():
                 write_image(folder / "masks" / name / f"{region}.png", mask.astype(np.uint8) * 255)
