@@ -60,7 +60,7 @@ def refine_poses_job(
     PhotoError for a photo that cannot be read.
     """
     store, found = store or Store(), list(poses)
-    mesh = digest(scan.vertices, scan.faces, _colours(scan)) if store.folder is not None else ""
+    mesh = digest(scan.vertices, scan.faces, scan_colours(scan)) if store.folder is not None else ""
     placed = [number for number, pose in enumerate(poses) if pose.solved]
     free = [number for number in placed if poses[number].photo not in held]
     end = 0.5 if settings.joint is not None else 1.0
@@ -100,7 +100,7 @@ def _edges_job(
     saved = store.load(f"edges {photo.name}", key)
     if saved is not None:
         return _taken_over(result, saved)
-    job = refine_pose_by_edges_job(view, scan.vertices, scan.faces, _colours(scan), settings)
+    job = refine_pose_by_edges_job(view, scan.vertices, scan.faces, scan_colours(scan), settings)
     pose: EdgePose = yield from job
     step = _stepped(result, pose, "edges", (pose.score_before, pose.score_after), pose.edges, pose.note)
     store.save(f"edges {photo.name}", key, pose_to_dict(step))
@@ -173,7 +173,7 @@ def view_key(view: View) -> str:
     )
 
 
-def _colours(scan: Scan) -> AnyArray | None:
+def scan_colours(scan: Scan) -> AnyArray | None:
     """Colours of the scan's vertices, or its intensities from 0 to 1; None where it has neither."""
     if scan.vertex_colors is not None or scan.intensity is None:
         return scan.vertex_colors

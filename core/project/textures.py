@@ -77,7 +77,9 @@ def texture_scan_job(
         check_facing(scan, views)
     hiding = [(other.vertices, other.faces) for other in occluders if not other.is_cloud]
     mesh: SplitMesh = yield from part(
-        split_large_faces_job(scan.vertices, scan.faces, views, settings.uv_tolerance), 0.02, 0.2
+        split_large_faces_job(scan.vertices, scan.faces, views, settings.uv_tolerance, settings.double_sided),
+        0.02,
+        0.2,
     )
     selection: Selection = yield from part(
         select_views_job(mesh.vertices, mesh.faces, views, settings, hiding), 0.2, 0.95

@@ -141,7 +141,7 @@ def _photo_table(rows: Sequence[PhotoRow]) -> str:
         "Overlap error: the part of marked and projected regions that does not overlap. σ: one standard "
         "deviation, all axes together; surface σ: how far the photo may therefore lie off on the scan, "
         "median. Edges, to other photos: before → after refinement; edges agree by 1 where photo and scan "
-        "have nothing in common. Shift: where a photo shows details against where the others show them, median."
+        "have nothing in common. Shift: where a photo shows details against where others show them, median."
     )
     return (
         f'<section><h2>Photos</h2><div class="wide"><table><caption>{caption}</caption>'
