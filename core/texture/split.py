@@ -7,27 +7,35 @@ neighbours of an edge are split alike, so that no gaps open.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from ..arrays import ArrayLike, BoolArray, FloatArray, IndexArray, IntArray
-from ..cameras.base import Camera
-from ..geometry.meshes import face_normals
+from ..geometry.meshes import morton_order
 from ..geometry.rays import RayCaster, local_centre
-from ..jobs import Job, Progress, drain
+from ..jobs import Job, Progress, drain, part
 from ..photos.view import View
 from .images import check_views, view_name
 from .surface import checked_mesh
 from .visibility import project
+from .widefaces import LensCurvature, WideFaces
 
 _ROUNDS = 14
+_TOGETHER = min(os.cpu_count() or 1, 4)
+"""Photos that are looked at together, each by a thread."""
 _STEPS = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+_NEARLY = 0.8
+"""Share of the tolerance that the middle of an edge may be off without a closer look."""
+_SHORT = 0.1
+"""Length of an edge over its distance up to which its middle stands for all of it."""
 _FRAME_SHARE = 1 / 64
 """Edges longer than this share of the frame's diagonal are cut where a face leaves the frame."""
-_PROBES = 24
-"""Rays across the frame (and as many down) that find large faces seen only in part."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,35 +52,43 @@ class SplitMesh:
 
 
 def split_large_faces(
-    vertices: ArrayLike, faces: ArrayLike, views: Sequence[View], tolerance: float = 0.5
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    views: Sequence[View],
+    tolerance: float = 0.5,
+    double_sided: bool = False,
 ) -> SplitMesh:
     """Run `split_large_faces_job` to its end."""
-    return drain(split_large_faces_job(vertices, faces, views, tolerance))
+    return drain(split_large_faces_job(vertices, faces, views, tolerance, double_sided))
 
 
 def split_large_faces_job(
-    vertices: ArrayLike, faces: ArrayLike, views: Sequence[View], tolerance: float = 0.5
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    views: Sequence[View],
+    tolerance: float = 0.5,
+    double_sided: bool = False,
 ) -> Job[SplitMesh]:
     """Halve edges until straight UV edges are within `tolerance` pixels in every photo that sees the face.
 
-    (V,3) m, (F,3) -> SplitMesh. Raises TextureError, PhotoError for input that cannot be used.
+    (V,3) m, (F,3) -> SplitMesh. With `double_sided` faces seen from behind count too. Raises TextureError,
+    PhotoError for input that cannot be used.
     """
     points, triangles = checked_mesh(vertices, faces)
     check_views(views)
     origin = local_centre(points)
     points = points - origin
     parent = np.arange(len(triangles), dtype=np.int32)
-    doubtful = np.arange(len(triangles))
+    hits = _Hits(points, triangles)
+    yield Progress(0.0, "Sorting the scan by size of its faces")
+    doubtful = morton_order(points[triangles[:, 0]])
     ends = [np.zeros((0, 2), dtype=np.int32)]
-    lenses = [_Lens.of_camera(view.camera) for view in views]
+    lenses = [LensCurvature.of_camera(view.camera) for view in views]
     for depth in range(_ROUNDS):
-        flagged = np.zeros((len(triangles), 3), dtype=np.bool_)
-        caster = RayCaster(points, triangles)
-        for number, (view, lens) in enumerate(zip(views, lenses, strict=True)):
-            yield Progress(
-                (depth + number / len(views)) / _ROUNDS, f"Checking large faces in {view_name(view, number)}"
-            )
-            flagged |= _edges_to_cut(points, triangles, doubtful, view, lens, origin, caster, tolerance)
+        wide = WideFaces(points, triangles, doubtful, double_sided)
+        look = partial(_edges_to_cut, wide, origin=origin, hits=hits, parent=parent, tolerance=tolerance)
+        round_ = _flagged_job(views, lenses, len(triangles), look)
+        flagged = yield from part(round_, depth / _ROUNDS, (depth + 1) / _ROUNDS)
         if not flagged.any():
             break
         points, triangles, origin_face, halves = _halve(points, triangles, flagged)
@@ -82,66 +98,122 @@ def split_large_faces_job(
     return SplitMesh(points + origin, triangles, parent, np.concatenate(ends))
 
 
-@dataclass(frozen=True, eq=False)
-class _Lens:
-    """Largest pixel density of a camera (pixels per radian) and a grid of its viewing rays (P,3)."""
-
-    density: float
-    probes: FloatArray
-
-    @classmethod
-    def of_camera(cls, camera: Camera) -> _Lens:
-        u = np.linspace(0, camera.width - 1, _PROBES)
-        v = np.linspace(0, camera.height - 1, _PROBES)
-        rays = camera.unproject(np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2))
-        rays = rays[np.isfinite(rays).all(axis=1)]
-        jacobian = camera.project_with_jacobian(rays)[1]
-        density = np.sqrt(np.sum(jacobian**2, axis=(1, 2)))
-        return cls(float(np.nanmax(density)), rays)
+_Look = Callable[[View, LensCurvature], tuple[IndexArray, BoolArray]]
 
 
-def _edges_to_cut(
-    points: FloatArray,
-    faces: IntArray,
-    doubtful: IndexArray,
-    view: View,
-    lens: _Lens,
-    origin: FloatArray,
-    caster: RayCaster,
-    tolerance: float,
-) -> BoolArray:
-    """Which edges (F,3) a view wants halved; edge k runs from corner k to corner k + 1."""
-    flagged = np.zeros((len(faces), 3), dtype=np.bool_)
-    eye = view.centre - origin
-    chosen = doubtful[_wide(points, faces[doubtful], eye, lens, tolerance)]
-    if len(chosen) == 0:
-        return flagged
-    corners = points[faces[chosen]]
-    pixels, angle = _along_edges(corners, view, origin)
-    inside = view.camera.in_frame(pixels)
-    error = _interpolation_error(pixels)
-    bent = (error > tolerance) & inside.any(axis=2)
-    rays = lens.probes @ np.asarray(view.rotation)
-    probed = np.isin(chosen, caster.first_hit(eye, rays).face)
-    partly = (inside.any(axis=(1, 2)) | probed) & ~inside.all(axis=(1, 2))
-    longest = _FRAME_SHARE * float(np.hypot(view.camera.width, view.camera.height))
-    cut = bent | (partly[:, None] & (angle * lens.density > longest))
-    flagged[chosen] = cut
+def _flagged_job(
+    views: Sequence[View], lenses: Sequence[LensCurvature], face_count: int, look: _Look
+) -> Job[BoolArray]:
+    """Edges (F,3) that any of the views wants halved; a few views at a time, each in a thread."""
+    flagged = np.zeros((face_count, 3), dtype=np.bool_)
+    for start in range(0, len(views), _TOGETHER):
+        name = view_name(views[start], start)
+        yield Progress(start / len(views), f"Checking large faces in {name}")
+        batch = slice(start, start + _TOGETHER)
+        with ThreadPoolExecutor(_TOGETHER) as pool:
+            for seen, cut in pool.map(look, views[batch], lenses[batch]):
+                flagged[seen] |= cut
     return flagged
 
 
-def _wide(points: FloatArray, faces: IntArray, eye: FloatArray, lens: _Lens, tolerance: float) -> IndexArray:
-    """Faces that look at the eye and whose angular size can bend a straight edge by `tolerance` pixels."""
-    corners = points[faces] - eye
-    edge = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1)
-    distance = np.linalg.norm(corners, axis=2).min(axis=1)
-    # A plane at depth z bends by about density * (edge / z)^2 / 8; twice that for oblique views and lenses.
-    bend = 0.25 * lens.density * (edge / np.maximum(distance, 1e-9)) ** 2
-    near = np.flatnonzero((bend > tolerance) | (edge > distance))
-    normal, area = face_normals(corners[near].reshape(-1, 3), np.arange(3 * len(near)).reshape(-1, 3))
-    facing = np.einsum("nk,nk->n", normal, corners[near, 0]) < 0
-    wide: IndexArray = near[facing & (area > 0)]
-    return wide
+class _Hits:
+    """Which faces of a mesh rays from an eye meet first; the ray caster is made when it is first needed."""
+
+    def __init__(self, points: FloatArray, faces: IntArray) -> None:
+        self._mesh = points, faces
+        self._lock = threading.Lock()
+        self._caster: RayCaster | None = None
+
+    def faces(self, eye: FloatArray, rays: FloatArray) -> IntArray:
+        """First face along each ray (P,3), -1 for none."""
+        with self._lock:
+            if self._caster is None:
+                self._caster = RayCaster(*self._mesh)
+        return self._caster.first_hit(eye, rays).face
+
+
+def _edges_to_cut(
+    wide: WideFaces,
+    view: View,
+    lens: LensCurvature,
+    *,
+    origin: FloatArray,
+    hits: _Hits,
+    parent: IntArray,
+    tolerance: float,
+) -> tuple[IndexArray, BoolArray]:
+    """Faces (n,) that a view looks at closely, and which of their edges (n,3) it wants halved.
+
+    Edge k runs from corner k to corner k + 1.
+    """
+    chosen = wide.seen_bent(view, lens, origin, tolerance)
+    chosen = chosen[_in_doubt(wide.points, wide.faces[chosen], view, origin, tolerance)]
+    if len(chosen) == 0:
+        return chosen, np.zeros((0, 3), dtype=np.bool_)
+    corners = wide.points[wide.faces[chosen]]
+    pixels, angle = _along_edges(corners, view, origin)
+    inside = view.camera.in_frame(pixels)
+    error = _interpolation_error(view.camera.unwrapped(pixels, pixels[:, :1, :1]))
+    bent = (error > tolerance) & inside.any(axis=2)
+    longest = _FRAME_SHARE * float(np.hypot(view.camera.width, view.camera.height))
+    large = angle * lens.density > longest
+    partly = ~inside.all(axis=(1, 2)) & large.any(axis=1)
+    around = partly & ~inside.any(axis=(1, 2))  # perhaps the frame lies within the face
+    if around.any():
+        rays = lens.probes @ np.asarray(view.rotation)
+        partly &= ~around | np.isin(parent[chosen], hits.faces(view.centre - origin, rays))
+    return chosen, bent | (partly[:, None] & large)
+
+
+def _in_doubt(
+    points: FloatArray, faces: IntArray, view: View, origin: FloatArray, tolerance: float
+) -> BoolArray:
+    """Faces (n,3) that the middles of their edges do not clear: (n,).
+
+    An edge that is short against its distance is off most in its middle. What lies in the frame and is nearly
+    straight there is fine, and so is what lies outside it.
+    """
+    if len(faces) == 0:
+        return np.zeros(0, dtype=np.bool_)
+    used = np.zeros(len(points), dtype=np.bool_)
+    used[faces] = True
+    vertex = np.flatnonzero(used)
+    pixels = np.full((len(points), 2), np.nan)
+    pixels[vertex] = project(view, points[vertex] + origin)
+    corner = points[faces] - (view.centre - origin)
+    after = np.roll(corner, -1, axis=1)
+    middle = project(view, (0.5 * (corner + after) + view.centre).reshape(-1, 3)).reshape(-1, 3, 2)
+    at = pixels[faces]
+    at = view.camera.unwrapped(at, at[:, :1])
+    middle = view.camera.unwrapped(middle, at[:, :1])
+    with np.errstate(invalid="ignore"):
+        squared = _largest_square(middle - 0.5 * (at + np.roll(at, -1, axis=1)))
+        edge = _largest_square(after - corner)
+        nearest = np.sqrt(np.einsum("nc,nc->n", corner[:, 0], corner[:, 0])) - np.sqrt(edge)
+        short = np.sqrt(edge) < _SHORT * nearest
+        apart = _apart_from_frame(at, middle, 1.0 + 2.0 * np.sqrt(squared), view)
+    framed = view.camera.in_frame(at)
+    inside = framed[:, 0] & framed[:, 1] & framed[:, 2]
+    doubt: BoolArray = ~(short & ((inside & (squared < (_NEARLY * tolerance) ** 2)) | apart))
+    return doubt
+
+
+def _largest_square(vectors: FloatArray) -> FloatArray:
+    """Square of the longest of three vectors: (n,3,c) -> (n,), NaN where one is."""
+    square = np.einsum("nkc,nkc->kn", vectors, vectors)
+    largest: FloatArray = np.maximum(np.maximum(square[0], square[1]), square[2])
+    return largest
+
+
+def _apart_from_frame(at: FloatArray, middle: FloatArray, margin: FloatArray, view: View) -> BoolArray:
+    """Whether the box around six pixels (n,3,2), (n,3,2), grown by `margin` (n,), misses the frame."""
+    low, high = np.minimum(at[:, 0], middle[:, 0]), np.maximum(at[:, 0], middle[:, 0])
+    for k in (1, 2):
+        low = np.minimum(np.minimum(low, at[:, k]), middle[:, k])
+        high = np.maximum(np.maximum(high, at[:, k]), middle[:, k])
+    width, height = view.camera.width, view.camera.height
+    apart: BoolArray = (high[:, 0] < -0.5 - margin) | (low[:, 0] > width - 0.5 + margin)
+    return apart | (high[:, 1] < -0.5 - margin) | (low[:, 1] > height - 0.5 + margin)
 
 
 def _along_edges(corners: FloatArray, view: View, origin: FloatArray) -> tuple[FloatArray, FloatArray]:
