@@ -59,7 +59,8 @@ def test_each_face_takes_its_own_photo():
     sure, unsure = (np.eye(6) * size for size in (1e-8, 4e-8))
     views = [View(camera, np.eye(3), np.zeros(3), image, covariance=c) for c in (sure, unsure, None)]
     far = np.array([5e6, 4e6, 0.0])
-    corners = far + [[-1.0, -1, 5], [1, -1, 5], [1, 1, 5], [-1, 1, 5]]
+    corners = np.array([[-1.0, -1, 5], [1, -1, 5], [1, 1, 5], [-1, 1, 5]])
+    corners += far
     views = [View(v.camera, v.rotation, -far, v.image, covariance=v.covariance) for v in views]
     faces = np.array([[0, 1, 2], [0, 1, 2], [0, 1, 2], [0, 2, 3]])
     shift = predicted_face_shift(views, corners, faces, [0, 1, 2, -1])
