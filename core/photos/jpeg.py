@@ -5,12 +5,14 @@ Source: ITU-T T.81, annex B (markers and segments).
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Iterator
 
 _FRAMES = {0xC0, 0xC1, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xC9, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF}
 _SCAN, _END = 0xDA, 0xD9
 _WITHOUT_LENGTH = {0x01, *range(0xD0, 0xD9)}
+_MARKER = re.compile(rb"\xff[^\x00\x01\xd0-\xd8]", re.DOTALL)
 
 
 def _segments(data: bytes) -> Iterator[tuple[int, int]]:
@@ -36,12 +38,8 @@ def _segments(data: bytes) -> Iterator[tuple[int, int]]:
 
 def _after_coded_data(data: bytes, at: int) -> int:
     """Position of the first marker after coded data: 0xFF that neither a zero nor a restart follows."""
-    while (at := data.find(b"\xff", at)) >= 0 and at + 1 < len(data):
-        if data[at + 1] == 0 or data[at + 1] in _WITHOUT_LENGTH:
-            at += 2
-        else:
-            return at
-    return len(data)
+    found = _MARKER.search(data, at)
+    return found.start() if found else len(data)
 
 
 def jpeg_size(data: bytes) -> tuple[int, int] | None:
