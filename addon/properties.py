@@ -7,7 +7,13 @@ from pathlib import Path
 
 import bpy
 
-from .settings import FrescoPoseSettings, FrescoScanSettings, FrescoTextureSettings
+from .settings import (
+    FrescoEdgeSettings,
+    FrescoJointSettings,
+    FrescoPoseSettings,
+    FrescoScanSettings,
+    FrescoTextureSettings,
+)
 
 PHOTO_STATES = (
     ("UNSOLVED", "Not solved", "The camera's pose is not known yet", "RADIOBUT_OFF", 0),
@@ -31,6 +37,14 @@ def _photo_chosen(self: FrescoScene, context: bpy.types.Context) -> None:
         frame_photo(context.scene, photo)
 
 
+def _redraw(_self: object, context: bpy.types.Context) -> None:
+    """Draw photos and views again: what is drawn over them has changed."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type in {"VIEW_3D", "IMAGE_EDITOR"}:
+                area.tag_redraw()
+
+
 # Blender 4.5 warns of relative paths in properties that do not say that they take them.
 RELATIVE_PATH = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
 
@@ -41,6 +55,11 @@ class FrescoMark(bpy.types.PropertyGroup):
     region_id: bpy.props.IntProperty(description="The region that the mask shows")
     image: bpy.props.PointerProperty(
         type=bpy.types.Image, name="Mask", description="Mask: bright where the photo shows the region"
+    )
+    hidden: bpy.props.PointerProperty(
+        type=bpy.types.Image,
+        name="Hidden part",
+        description="Mask: bright where something stands before the region, so that its outline is a guess",
     )
 
 
@@ -93,6 +112,18 @@ class FrescoPhoto(bpy.types.PropertyGroup):
         description="Standard deviation of the camera's rotation, degrees",
     )
     message: bpy.props.StringProperty(name="Message")
+    hold: bpy.props.BoolProperty(
+        name="Hold", description="Keep this pose when poses are refined; others are tied to it"
+    )
+    refined: bpy.props.IntProperty(description="Number of refinements that the pose has gone through")
+    joint_shift: bpy.props.FloatProperty(
+        default=-1, description="Median distance (pixels) to the other photos, after the joint refinement"
+    )
+
+    @property
+    def is_refined(self) -> bool:
+        """Whether the pose was refined, and the one before is kept."""
+        return self.refined > 0
 
     @property
     def path(self) -> str:
@@ -121,6 +152,15 @@ class FrescoRegion(bpy.types.PropertyGroup):
     uid: bpy.props.IntProperty(description="Number that stays when the region is renamed")
     color: bpy.props.FloatVectorProperty(name="Colour", subtype="COLOR", size=3, min=0, max=1)
     face_count: bpy.props.IntProperty(name="Faces", description="Faces of the scan in this region")
+    revision: bpy.props.IntProperty(description="Counts the changes of its faces")
+    opening_json: bpy.props.StringProperty(
+        description="Corners and triangles of an opening, which has no faces, in the scan object's frame"
+    )
+
+    @property
+    def is_on_scan(self) -> bool:
+        """Whether it is known where the region lies on the scan: as faces, or as an opening."""
+        return self.face_count > 0 or bool(self.opening_json)
 
     @property
     def attribute(self) -> str:
@@ -165,6 +205,37 @@ class FrescoExportSettings(bpy.types.PropertyGroup):
         return bpy.path.clean_name(fresco.scan.name) if fresco.scan is not None else "scan"
 
 
+class FrescoCompare(bpy.types.PropertyGroup):
+    """How a refinement is looked at over the photo."""
+
+    blend: bpy.props.FloatProperty(
+        name="Before / After",
+        default=1.0,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+        update=_redraw,
+        description="The scan's edges as the pose before refinement (0) and the present one (1) put them",
+    )
+    edges: bpy.props.BoolProperty(
+        name="Edges of the scan", default=True, update=_redraw, description="Draw them over the photo"
+    )
+    residuals: bpy.props.BoolProperty(
+        name="Residuals",
+        default=True,
+        update=_redraw,
+        description="Draw lines from the scan's edges to where the photo shows them, in the Image Editor",
+    )
+    scale: bpy.props.FloatProperty(
+        name="Enlarged",
+        default=10.0,
+        min=1.0,
+        max=1000.0,
+        update=_redraw,
+        description="Residuals are drawn so many times as long as they are",
+    )
+
+
 class FrescoScene(bpy.types.PropertyGroup):
     """Everything of one scene."""
 
@@ -182,6 +253,9 @@ class FrescoScene(bpy.types.PropertyGroup):
     texture_report: bpy.props.StringProperty(description="Numbers of the texture, one line each")
     scan_settings: bpy.props.PointerProperty(type=FrescoScanSettings)
     pose: bpy.props.PointerProperty(type=FrescoPoseSettings)
+    edges: bpy.props.PointerProperty(type=FrescoEdgeSettings)
+    joint: bpy.props.PointerProperty(type=FrescoJointSettings)
+    compare: bpy.props.PointerProperty(type=FrescoCompare)
     texture: bpy.props.PointerProperty(type=FrescoTextureSettings)
     export: bpy.props.PointerProperty(type=FrescoExportSettings)
 
@@ -200,7 +274,7 @@ class FrescoScene(bpy.types.PropertyGroup):
         return next((region for region in self.regions if region.name == name), None)
 
 
-CLASSES = (FrescoMark, FrescoPhoto, FrescoRegion, FrescoExportSettings, FrescoScene)
+CLASSES = (FrescoMark, FrescoPhoto, FrescoRegion, FrescoExportSettings, FrescoCompare, FrescoScene)
 
 
 def attach() -> None:

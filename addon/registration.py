@@ -5,12 +5,13 @@ from __future__ import annotations
 import bpy
 
 from . import cli, jobs, preferences, properties, settings
-from .operators import calibration, export, photos, pose, project, regions, scan, texture
+from .operators import calibration, export, photos, pose, project, refine, regions, scan, texture
 from .overlays import registration as overlays
 from .panels import base as base_panel
 from .panels import export as export_panel
 from .panels import photos as photos_panel
 from .panels import pose as pose_panel
+from .panels import refine as refine_panel
 from .panels import regions as regions_panel
 from .panels import scan as scan_panel
 from .panels import texture as texture_panel
@@ -26,6 +27,7 @@ _MODULES = (
     calibration,
     regions,
     pose,
+    refine,
     texture,
     project,
     export,
@@ -34,6 +36,7 @@ _MODULES = (
     photos_panel,
     regions_panel,
     pose_panel,
+    refine_panel,
     texture_panel,
     export_panel,
     tools,

@@ -17,7 +17,15 @@ import bpy
 import numpy as np
 
 from ..core import settings as core_settings
-from ..core.settings import PoseSettings, ScanSettings, TextureSettings
+from ..core.settings import (
+    AtlasSettings,
+    EdgeSettings,
+    JointSettings,
+    PointSettings,
+    PoseSettings,
+    ScanSettings,
+    TextureSettings,
+)
 
 Settings = TypeVar("Settings")
 NONE = -1
@@ -62,8 +70,9 @@ def _property(field: dataclasses.Field[Any], kind: Any, text: str) -> Any:
         "description": " ".join(text.split()).rstrip("."),
     }
     if typing.get_origin(kind) is typing.Literal:
-        items = [(word, word.replace("_", " ").capitalize(), "") for word in typing.get_args(kind)]
-        return bpy.props.EnumProperty(items=items, default=default, **common)
+        words = [str(word) for word in typing.get_args(kind)]  # Blender's choices are texts
+        items = [(word, word.replace("_", " ").capitalize(), "") for word in words]
+        return bpy.props.EnumProperty(items=items, default=str(default), **common)
     if isinstance(default, bool):
         return bpy.props.BoolProperty(default=default, **common)
     if isinstance(default, int):
@@ -88,13 +97,19 @@ def mirror(dataclass: type) -> type[bpy.types.PropertyGroup]:
 
 FrescoScanSettings = mirror(ScanSettings)
 FrescoPoseSettings = mirror(PoseSettings)
+FrescoEdgeSettings = mirror(EdgeSettings)
+FrescoJointSettings = mirror(JointSettings)
+FrescoPointSettings = mirror(PointSettings)
 FrescoTextureSettings = mirror(TextureSettings)
+FrescoAtlasSettings = mirror(AtlasSettings)
 
 
 def _as_typed(value: Any, kind: Any) -> Any:
     """Undo Blender's single precision: 0.1 is kept as 0.100000001; its shortest text gives 0.1 again."""
     if value == NONE and type(None) in typing.get_args(kind):
         return None
+    if typing.get_origin(kind) is typing.Literal:
+        return next(word for word in typing.get_args(kind) if str(word) == value)
     return float(str(np.float32(value))) if isinstance(value, float) else value
 
 
@@ -110,6 +125,8 @@ def from_core(group: bpy.types.PropertyGroup, values: Any) -> None:
     for field in dataclasses.fields(values):
         if field.name in group.__annotations__:
             value = getattr(values, field.name)
+            if group.bl_rna.properties[field.name].type == "ENUM":
+                value = str(value)
             setattr(group, field.name, NONE if value is None else value)
 
 
@@ -122,4 +139,12 @@ def draw_settings(layout: bpy.types.UILayout, group: bpy.types.PropertyGroup) ->
         column.prop(group, name)
 
 
-CLASSES = (FrescoScanSettings, FrescoPoseSettings, FrescoTextureSettings)
+CLASSES = (
+    FrescoScanSettings,
+    FrescoPoseSettings,
+    FrescoEdgeSettings,
+    FrescoJointSettings,
+    FrescoPointSettings,
+    FrescoTextureSettings,
+    FrescoAtlasSettings,
+)

@@ -137,6 +137,9 @@ def write_solution(scene: bpy.types.Scene, item: FrescoPhoto, solved: PhotoPose)
     item.message = " ".join(text for text in (solved.failure, *solved.notes) if text)
     item.solution_json, item.candidate = json.dumps(pose_to_dict(solved)), 0
     item.overlap, item.centre_sigma, item.rotation_sigma = -1.0, 0.0, 0.0
+    item.refined = len(solved.refinements)
+    joint = [step.score_after for step in solved.refinements if step.method == "joint"]
+    item.joint_shift = joint[-1] if joint and np.isfinite(joint[-1]) else -1.0
     pose = solved.pose
     if pose is None:
         item.state, item.pose_json = "FAILED", ""
@@ -144,8 +147,11 @@ def write_solution(scene: bpy.types.Scene, item: FrescoPhoto, solved: PhotoPose)
     item.state = "GIVEN" if solved.given else "SOLVED" if solved.solved else "AMBIGUOUS"
     if solved.overlap_error is not None:
         item.overlap = solved.overlap_error
+    covariance = None
+    if solved.sure_pose is not None:
         item.centre_sigma, item.rotation_sigma = pose.centre_sigma, pose.rotation_sigma
-    write_pose(scene, item, pose.rotation, pose.translation, None if solved.given else pose.covariance)
+        covariance = pose.covariance
+    write_pose(scene, item, pose.rotation, pose.translation, covariance)
 
 
 def read_candidates(item: FrescoPhoto) -> list[Pose]:
@@ -167,7 +173,7 @@ def show_candidate(scene: bpy.types.Scene, item: FrescoPhoto, number: int) -> No
 
 def read_solution(scene: bpy.types.Scene, item: FrescoPhoto) -> PhotoPose:
     """Return what became of a photo; a pose that was placed or accepted by hand counts as given."""
-    if item.state in {"GIVEN", "SOLVED"} and (item.state == "GIVEN" or is_moved(scene, item)):
+    if item.is_posed and (not item.solution_json or is_moved(scene, item)):
         rotation, translation, covariance = read_pose(scene, item)
         unknown = np.full((6, 6), np.nan)
         pose = Pose(rotation, translation, unknown if covariance is None else covariance)

@@ -12,6 +12,7 @@ from ...core.jobs import Job, part
 from ...core.photos import Photo
 from ...core.project import Project, ProjectResult
 from ...core.scans import Scan
+from ...core.settings import EdgeSettings, JointSettings
 from ..settings import from_core
 from . import photos, regions, scans
 from .images import load_mask
@@ -69,8 +70,11 @@ def show_project(context: bpy.types.Context, opened: OpenedProject) -> None:
         if entry.pose is not None:
             photos.write_world_pose(context.scene, item, *entry.pose)
             item.state = "GIVEN"
+        item.hold = not entry.refine
     from_core(fresco.scan_settings, project.scan.settings)
     from_core(fresco.pose, project.pose)
+    from_core(fresco.edges, project.refine.edges or EdgeSettings())
+    from_core(fresco.joint, project.refine.joint or JointSettings())
     from_core(fresco.texture, project.texture)
     output = project.output
     fresco.export.folder, fresco.export.name = str(output.folder.resolve()), output.name

@@ -110,7 +110,7 @@ def read_texture(scene: bpy.types.Scene) -> TexturedScan:
     if missing:
         raise TextureError(f"Photo {missing[0]} was removed since the scan was textured: texture it again.")
     if not names or any(value is None for value in values.values()) or materials.UV_MAP not in mesh.uv_layers:
-        raise TextureError("The scan has no texture yet: texture it first (step 5).")
+        raise TextureError("The scan has no texture yet: texture it first (step 6).")
     items = [photos[name] for name in names]
     uvs = meshes.read_uvs(mesh, materials.UV_MAP)
     size = _photo_sizes(items)[values["view"]]

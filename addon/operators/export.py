@@ -61,7 +61,7 @@ class FRESCO_OT_export(JobOperator):
         if context.mode != "OBJECT":
             cls.poll_message_set("Leave Edit Mode first")
             return False
-        cls.poll_message_set("Texture the scan first (step 5)")
+        cls.poll_message_set("Texture the scan first (step 6)")
         return bool(context.scene.fresco.texture_report)
 
     def start(self, context: bpy.types.Context) -> Job[list[Path]]:

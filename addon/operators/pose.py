@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ...core.errors import RegionError
 from ...core.jobs import Job
+from ...core.pose import Pose
 from ...core.project import PhotoPose, solve_poses_job
 from ...core.project.surfaces import surface_regions
 from ...core.settings import PoseSettings
@@ -119,9 +121,10 @@ class FRESCO_OT_accept_pose(StepOperator):
         photo = context.scene.fresco.active_photo
         context.view_layer.update()
         rotation, translation, covariance = bridge.read_pose(context.scene, photo)
-        bridge.write_pose(context.scene, photo, rotation, translation, covariance)
-        photo.state = "GIVEN"
-        photo.message = "Accepted by hand."
+        unknown = np.full((6, 6), np.nan)
+        pose = Pose(rotation, translation, unknown if covariance is None else covariance)
+        accepted = PhotoPose(photo.name, pose, notes=("Accepted by hand.",), given=True)
+        bridge.write_solution(context.scene, photo, accepted)
 
 
 CLASSES = (FRESCO_OT_solve_poses, FRESCO_OT_next_candidate, FRESCO_OT_accept_pose)

@@ -88,7 +88,7 @@ class FRESCO_OT_show_texture(StepOperator):
 
     @classmethod
     def ready(cls, context: bpy.types.Context) -> bool:
-        cls.poll_message_set("Texture the scan first (step 5)")
+        cls.poll_message_set("Texture the scan first (step 6)")
         return bool(context.scene.fresco.texture_report)
 
     def run(self, context: bpy.types.Context) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..tools.prepared import STORE
-from . import photo, scan
+from . import photo, residuals, scan
 
 CLASSES = ()
 _handles: list[tuple[type, object]] = []  # Blender's handles of draw callbacks
@@ -17,6 +17,7 @@ def _file_opened(_path: str) -> None:
     STORE.clear()
     photo.OUTLINES.clear()
     scan.BATCHES.clear()
+    residuals.RESIDUALS.clear()
 
 
 def attach() -> None:
@@ -26,6 +27,9 @@ def attach() -> None:
     image_editor, view = bpy.types.SpaceImageEditor, bpy.types.SpaceView3D
     _handles.append((image_editor, image_editor.draw_handler_add(photo.draw, (), "WINDOW", "POST_PIXEL")))
     _handles.append((view, view.draw_handler_add(scan.draw, (), "WINDOW", "POST_VIEW")))
+    over_photo = image_editor.draw_handler_add(residuals.draw_on_photo, (), "WINDOW", "POST_PIXEL")
+    over_view = view.draw_handler_add(residuals.draw_in_view, (), "WINDOW", "POST_VIEW")
+    _handles.extend([(image_editor, over_photo), (view, over_view)])
     bpy.app.handlers.load_post.append(_file_opened)
 
 

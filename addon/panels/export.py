@@ -10,7 +10,7 @@ from .base import FrescoPanel, draw_error
 class FRESCO_PT_export(FrescoPanel, bpy.types.Panel):
     bl_idname = "FRESCO_PT_export"
     bl_label = "Export"
-    bl_order = 6
+    bl_order = 7
 
     def draw_header(self, context: bpy.types.Context) -> None:
         self.layout.label(text="", icon="EXPORT")

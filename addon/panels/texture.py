@@ -9,8 +9,8 @@ from .base import SettingsPanel, StepPanel, draw_rows, draw_text
 
 class FRESCO_PT_texture(StepPanel, bpy.types.Panel):
     bl_idname = "FRESCO_PT_texture"
-    bl_label = "5  Texture"
-    bl_order = 5
+    bl_label = "6  Texture"
+    bl_order = 6
     step = "texture"
 
     @classmethod
