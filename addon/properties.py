@@ -152,7 +152,7 @@ class FrescoRegion(bpy.types.PropertyGroup):
     uid: bpy.props.IntProperty(description="Number that stays when the region is renamed")
     color: bpy.props.FloatVectorProperty(name="Colour", subtype="COLOR", size=3, min=0, max=1)
     face_count: bpy.props.IntProperty(name="Faces", description="Faces of the scan in this region")
-    revision: bpy.props.IntProperty(description="Counts the changes of its faces")
+    revision: bpy.props.IntProperty(description="Number that is another one whenever its faces change")
     opening_json: bpy.props.StringProperty(
         description="Corners and triangles of an opening, which has no faces, in the scan object's frame"
     )

@@ -5,7 +5,20 @@ from __future__ import annotations
 import bpy
 
 from . import cli, jobs, preferences, properties, settings
-from .operators import calibration, export, photos, pose, project, refine, regions, scan, texture
+from .operators import (
+    calibration,
+    export,
+    mending,
+    partners,
+    photos,
+    pose,
+    project,
+    proposals,
+    refine,
+    regions,
+    scan,
+    texture,
+)
 from .overlays import registration as overlays
 from .panels import base as base_panel
 from .panels import export as export_panel
@@ -26,6 +39,9 @@ _MODULES = (
     photos,
     calibration,
     regions,
+    mending,
+    proposals,
+    partners,
     pose,
     refine,
     texture,

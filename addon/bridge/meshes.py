@@ -134,6 +134,15 @@ def read_selected_faces(mesh: bpy.types.Mesh) -> BoolArray:
     return np.zeros(len(mesh.polygons), dtype=np.bool_) if selected is None else selected
 
 
+def read_group_faces(obj: bpy.types.Object, group: int) -> BoolArray:
+    """Faces (F,) of a mesh of triangles whose corners all belong to a vertex group."""
+    weights = (
+        any(entry.group == group and entry.weight > 0 for entry in v.groups) for v in obj.data.vertices
+    )
+    member = np.fromiter(weights, dtype=np.bool_, count=len(obj.data.vertices))
+    return member[read_faces(obj.data)].all(axis=1)
+
+
 def select_faces(mesh: bpy.types.Mesh, selected: BoolArray) -> None:
     """Select exactly these faces (F,) with their vertices and edges; the mesh must not be in Edit Mode."""
     vertices = np.zeros(len(mesh.vertices), dtype=np.bool_)

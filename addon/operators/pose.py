@@ -11,10 +11,9 @@ from ...core.errors import RegionError
 from ...core.jobs import Job
 from ...core.pose import Pose
 from ...core.project import PhotoPose, solve_poses_job
-from ...core.project.surfaces import surface_regions
 from ...core.settings import PoseSettings
 from ..bridge import photos as bridge
-from ..bridge.scans import read_scan
+from ..bridge.regions import read_surfaces
 from ..jobs import JobOperator, StepOperator
 from ..properties import FrescoPhoto
 from ..settings import to_core
@@ -23,7 +22,7 @@ from .regions import has_scan
 
 def solvable_photos(scene: bpy.types.Scene) -> list[FrescoPhoto]:
     """Photos in use with a camera, a calibration and at least one region that the scan has."""
-    with_faces = {region.uid for region in scene.fresco.regions if region.face_count > 0}
+    with_faces = {region.uid for region in scene.fresco.regions if region.is_on_scan}
     return [
         photo
         for photo in scene.fresco.photos
@@ -71,8 +70,7 @@ class FRESCO_OT_solve_poses(JobOperator):
                 )
         self._photos = [photo.name for photo in photos]
         core_photos = [bridge.read_photo(scene, photo) for photo in photos]
-        scan = read_scan(scene)
-        surfaces = surface_regions(scan, scan.face_sets)
+        surfaces = read_surfaces(scene)
         return solve_poses_job(core_photos, surfaces, to_core(scene.fresco.pose, PoseSettings))
 
     def finish(self, context: bpy.types.Context, result: list[PhotoPose]) -> None:

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 from ...core.arrays import BoolArray
 from ...core.errors import RegionError
 from ...core.jobs import Job, Progress
-from ...core.photos import RegionMark, check_mask, image_size, read_mask
+from ...core.photos import RegionMark, check_mask, check_outline, image_size, read_mask
 from ..bridge import meshes
 from ..bridge import regions as bridge
 from ..jobs import JobOperator, StepOperator
@@ -72,6 +73,54 @@ class FRESCO_OT_region_from_selection(StepOperator):
             bridge.write_faces(context.scene, region, selected)
 
 
+def group_items(_self: object, context: bpy.types.Context) -> list[tuple[str, str, str, str, int]]:
+    """Vertex groups and materials of the scan, as items of a menu."""
+    scan = context.scene.fresco.scan
+    if scan is None:
+        return []
+    items = [
+        (f"G{group.index}", group.name, "Faces whose corners are all in this vertex group", "GROUP_VERTEX")
+        for group in scan.vertex_groups
+    ]
+    items += [
+        (f"M{number}", slot.name or f"Material {number + 1}", "Faces with this material", "MATERIAL")
+        for number, slot in enumerate(scan.material_slots)
+    ]
+    group_items.kept = [(*item, number) for number, item in enumerate(items)]
+    return group_items.kept
+
+
+class FRESCO_OT_region_from_group(StepOperator):
+    bl_idname = "fresco.region_from_group"
+    bl_label = "Region from Group"
+    bl_description = "Make a region of a vertex group's or a material's faces"
+    bl_options = {"REGISTER", "UNDO"}
+    step = "regions"
+
+    source: bpy.props.EnumProperty(name="Faces of", items=group_items)
+
+    @classmethod
+    def ready(cls, context: bpy.types.Context) -> bool:
+        if not has_scan(cls, context):
+            return False
+        scan = context.scene.fresco.scan
+        cls.poll_message_set("The scan has no vertex groups and no materials")
+        return bool(scan.vertex_groups) or bool(scan.material_slots)
+
+    def run(self, context: bpy.types.Context) -> None:
+        scan, number = context.scene.fresco.scan, int(self.source[1:])
+        with object_mode(scan):
+            if self.source[0] == "G":
+                name, inside = scan.vertex_groups[number].name, meshes.read_group_faces(scan, number)
+            else:
+                name = scan.material_slots[number].name or f"Material {number + 1}"
+                slots = meshes.read_face_attribute(scan.data, "material_index")
+                inside = np.full(len(scan.data.polygons), number == 0) if slots is None else slots == number
+            if not inside.any():
+                raise RegionError(f"No face of the scan belongs to {name}.")
+            bridge.write_faces(context.scene, bridge.add_region(context.scene, name), inside)
+
+
 class RegionOperator(StepOperator):
     """Mixin: something done to the region chosen in the list."""
 
@@ -112,6 +161,16 @@ class FRESCO_OT_select_region(RegionOperator):
         meshes.select_faces(scan.data, bridge.read_faces(context.scene, fresco.active_region))
         bpy.ops.object.mode_set(mode="EDIT")
         context.tool_settings.mesh_select_mode = (False, False, True)
+
+
+class FRESCO_OT_duplicate_region(RegionOperator):
+    bl_idname = "fresco.duplicate_region"
+    bl_label = "Duplicate Region"
+    bl_description = "Make another region with the same faces and marks, to change it and keep this one"
+
+    def run(self, context: bpy.types.Context) -> None:
+        with object_mode(context.scene.fresco.scan):
+            bridge.duplicate_region(context.scene, context.scene.fresco.active_region)
 
 
 class FRESCO_OT_remove_region(RegionOperator):
@@ -170,7 +229,9 @@ def check_masks_job(files: dict[str, Path], masks: list[tuple[str, Path]]) -> Jo
     checked = CheckedMasks([], sizes)
     for number, (photo, path) in enumerate(masks):
         yield Progress(number / len(masks), f"Checking {path.name}")
-        check_mask(read_mask(path), *sizes[photo], str(path))
+        mask = read_mask(path)
+        check_mask(mask, *sizes[photo], str(path))
+        check_outline(mask, str(path))
         checked.marks.append((photo, RegionMark(path.stem, path)))
     return checked
 
@@ -235,7 +296,9 @@ def masks_of(photo: FrescoPhoto, folder: Path) -> list[Path]:
 CLASSES = (
     FRESCO_OT_region_from_selection,
     FRESCO_OT_replace_region,
+    FRESCO_OT_region_from_group,
     FRESCO_OT_select_region,
+    FRESCO_OT_duplicate_region,
     FRESCO_OT_remove_region,
     FRESCO_OT_remove_mask,
     FRESCO_OT_import_masks,

@@ -1,34 +1,54 @@
-"""Outlines of the marked regions over the photo in the Image Editor."""
+"""Over the photo in the Image Editor: marked regions, what hides them, proposals, and how the pose fits."""
 
 from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
 
 from ...core.arrays import FloatArray
+from ...core.errors import FrescoError
 from ...core.regions.outline import mask_polygons
-from ..bridge.images import read_mask_pixels
+from ...core.regions.transfer import project_region
+from ..bridge import photos as bridge
+from ..bridge.images import mask_source
+from ..bridge.proposals import read_outlines
+from ..bridge.regions import region_of
+from ..properties import FrescoMark, FrescoPhoto, FrescoRegion
 from ..tools.targets import shown_photo, to_region
-from .lines import WIDTH, draw_loops
+from .lines import WIDTH, Labels, draw_dashes, draw_loops, draw_segments, hatching
+from .scan import SHAPES
 
 _LIMIT = 60  # outlines kept: those of all photos between which a user goes back and forth
+PROPOSED = (1.0, 1.0, 1.0)
+_Size = tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class MaskOutline:
+    """Closed outlines (n,2) of a mask in its pixels, its size (width, height), and hatching (m,2,2) of it."""
+
+    loops: Sequence[FloatArray]
+    size: _Size
+    hatching: FloatArray
 
 
 class Outlines:
     """Outlines of mask images, found once per mask: every stroke makes a new mask image."""
 
     def __init__(self) -> None:
-        self._known: dict[tuple[str, int], list[FloatArray]] = {}
+        self._known: dict[tuple[str, int], MaskOutline] = {}
 
-    def of(self, image: bpy.types.Image) -> list[FloatArray]:
-        """Closed outlines (n,2) of a mask, in its pixels."""
+    def of(self, image: bpy.types.Image) -> MaskOutline:
+        """Outline of a mask; empty where its file is gone."""
         key = (image.name_full, image.session_uid)
         if key not in self._known:
             if len(self._known) >= _LIMIT:
                 self._known.pop(next(iter(self._known)))
-            self._known[key] = (
-                mask_polygons(read_mask_pixels(image)) if image.has_data or image.size[0] else []
-            )
+            self._known[key] = _outline(image)
         return self._known[key]
 
     def clear(self) -> None:
@@ -36,21 +56,117 @@ class Outlines:
         self._known.clear()
 
 
+def _outline(image: bpy.types.Image) -> MaskOutline:
+    try:
+        mask = mask_source(image).read()
+    except FrescoError:  # the panel of step 4 says which file is missing
+        return MaskOutline((), (1, 1), np.zeros((0, 2, 2)))
+    loops = mask_polygons(mask)
+    size = float(np.ptp(np.concatenate(loops), axis=0).max()) if loops else 1.0
+    lines = hatching(loops, max(size / 30, 2.0)) if loops else np.zeros((0, 2, 2))
+    return MaskOutline(loops, mask.shape[::-1], lines)
+
+
 OUTLINES = Outlines()
 
 
 def draw() -> None:
-    """Draw the outlines of the shown photo's regions; the chosen region's is thicker."""
+    """Draw what is known and proposed of the shown photo; the chosen region's outline is thicker."""
     context = bpy.context
     photo = shown_photo(context)
     if photo is None:
         return
-    fresco = context.scene.fresco
-    for region in fresco.regions:
+    labels = Labels()
+    errors = region_errors(photo)
+    for region in context.scene.fresco.regions:
         mark = photo.mark(region.uid)
-        if mark is None or mark.image is None:
+        if mark is not None and mark.image is not None:
+            _draw_mark(context, mark, region, labels, errors.get(region.name))
+    if photo.is_posed:
+        rotation, translation, _ = bridge.read_pose(context.scene, photo)
+        _draw_projections(context, photo, list(context.scene.fresco.regions), rotation, translation)
+    _draw_proposals(context, photo, labels)
+
+
+def region_errors(photo: FrescoPhoto) -> dict[str, float]:
+    """Overlap error (%) of every region that the photo's pose was solved from, by name."""
+    if photo.state != "SOLVED" or not photo.solution_json:
+        return {}
+    solution = json.loads(photo.solution_json)
+    pose = solution["pose"] or {}
+    return dict(zip(solution["regions"], pose.get("region_errors", ()), strict=False))
+
+
+def _draw_mark(
+    context: bpy.types.Context, mark: FrescoMark, region: FrescoRegion, labels: Labels, error: float | None
+) -> None:
+    outline = OUTLINES.of(mark.image)
+    loops = [to_region(context, loop, outline.size) for loop in outline.loops]
+    chosen = region == context.scene.fresco.active_region
+    draw_loops(loops, region.color, width=WIDTH + (1.5 if chosen else 0.0))
+    if mark.hidden is not None:
+        hidden = OUTLINES.of(mark.hidden)
+        lines = to_region(context, hidden.hatching.reshape(-1, 2), hidden.size).reshape(-1, 2, 2)
+        draw_segments(lines, region.color)
+    if loops:
+        text = region.name if error is None else f"{region.name}   {error:.1f} %"
+        labels.draw(text, middle(loops), region.color)
+
+
+def middle(loops: Sequence[FloatArray]) -> FloatArray:
+    """Where a name is written: the middle (2,) of the longest loop's extent."""
+    longest = max(loops, key=len)
+    return (longest.min(axis=0) + longest.max(axis=0)) / 2
+
+
+def _draw_projections(
+    context: bpy.types.Context,
+    photo: FrescoPhoto,
+    regions: Sequence[FrescoRegion],
+    rotation: FloatArray,
+    translation: FloatArray,
+) -> None:
+    """Draw the scan's regions as a pose shows them, dashed: what differs from the marks is the residual."""
+    scan = context.scene.fresco.scan
+    if scan is None or not photo.camera_json:
+        return
+    camera = bridge.read_camera(photo)
+    for region in regions:
+        for loop in SHAPES.loops(context.scene, region):
+            try:
+                (projected,) = project_region(camera, rotation, translation, _Loop(loop, region.name))
+            except FrescoError:  # behind the camera: nothing to draw
+                continue
+            if np.all(camera.in_frame(projected, margin=-camera.width)):
+                draw_dashes([to_region(context, projected, photo.size)], region.color, width=1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Loop:
+    """One boundary loop (n,3), in metres, that is projected like a region."""
+
+    loop: FloatArray
+    name: str
+
+    @property
+    def loops(self) -> tuple[FloatArray, ...]:
+        return (self.loop,)
+
+
+def _draw_proposals(context: bpy.types.Context, photo: FrescoPhoto, labels: Labels) -> None:
+    marking = context.scene.fresco_marking
+    for proposal in marking.proposals:
+        chosen = proposal == marking.active_proposal
+        if proposal.photo != photo.name:
             continue
-        size = tuple(mark.image.size)
-        loops = [to_region(context, loop, size) for loop in OUTLINES.of(mark.image)]
-        chosen = region == fresco.active_region
-        draw_loops(loops, np.asarray(region.color), width=WIDTH + (1.5 if chosen else 0.0))
+        if proposal.kind == "PARTNERS":
+            if chosen and proposal.pose_json:
+                pose = json.loads(proposal.pose_json)
+                pairs = json.loads(proposal.pairs_json)
+                regions = [region_of(context.scene, on_scan) for _, on_scan in pairs]
+                at = np.array(pose["rotation"]), np.array(pose["translation"])
+                _draw_projections(context, photo, [r for r in regions if r is not None], *at)
+            continue
+        loops = [to_region(context, loop, photo.size) for loop in read_outlines(proposal)]
+        draw_dashes(loops, PROPOSED, width=WIDTH + (1.0 if chosen else -0.5))
+        labels.draw(f"{proposal.name}?", middle(loops), PROPOSED)

@@ -5,19 +5,40 @@ from __future__ import annotations
 import bpy
 
 from ..tools.prepared import STORE
-from . import photo, residuals, scan
+from ..tools.watch import WATCH
+from . import photo, scan
 
 CLASSES = ()
 _handles: list[tuple[type, object]] = []  # Blender's handles of draw callbacks
 
 
+def forget() -> None:
+    """Forget what belongs to one file."""
+    STORE.clear()
+    WATCH.clear()
+    photo.OUTLINES.clear()
+    scan.SHAPES.clear()
+
+
 @bpy.app.handlers.persistent
 def _file_opened(_path: str) -> None:
-    """Forget what belongs to the file before."""
-    STORE.clear()
-    photo.OUTLINES.clear()
-    scan.BATCHES.clear()
-    residuals.RESIDUALS.clear()
+    forget()
+
+
+@bpy.app.handlers.persistent
+def _scene_changed(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Draw the regions of an edited scan anew."""
+    edited = scene.fresco.scan
+    if edited is not None and any(
+        update.is_updated_geometry and update.id.original == edited for update in depsgraph.updates
+    ):
+        scan.SHAPES.clear()
+
+
+_HANDLERS = (
+    (bpy.app.handlers.load_post, _file_opened),
+    (bpy.app.handlers.depsgraph_update_post, _scene_changed),
+)
 
 
 def attach() -> None:
@@ -25,12 +46,14 @@ def attach() -> None:
     if bpy.app.background:
         return
     image_editor, view = bpy.types.SpaceImageEditor, bpy.types.SpaceView3D
-    _handles.append((image_editor, image_editor.draw_handler_add(photo.draw, (), "WINDOW", "POST_PIXEL")))
-    _handles.append((view, view.draw_handler_add(scan.draw, (), "WINDOW", "POST_VIEW")))
-    over_photo = image_editor.draw_handler_add(residuals.draw_on_photo, (), "WINDOW", "POST_PIXEL")
-    over_view = view.draw_handler_add(residuals.draw_in_view, (), "WINDOW", "POST_VIEW")
-    _handles.extend([(image_editor, over_photo), (view, over_view)])
-    bpy.app.handlers.load_post.append(_file_opened)
+    for space, callback, stage in (
+        (image_editor, photo.draw, "POST_PIXEL"),
+        (view, scan.draw, "POST_VIEW"),
+        (view, scan.draw_names, "POST_PIXEL"),
+    ):
+        _handles.append((space, space.draw_handler_add(callback, (), "WINDOW", stage)))
+    for handlers, handler in _HANDLERS:
+        handlers.append(handler)
 
 
 def detach() -> None:
@@ -38,6 +61,7 @@ def detach() -> None:
     while _handles:
         space, handle = _handles.pop()
         space.draw_handler_remove(handle, "WINDOW")
-    if _file_opened in bpy.app.handlers.load_post:
-        bpy.app.handlers.load_post.remove(_file_opened)
-    STORE.clear()
+    for handlers, handler in _HANDLERS:
+        if handler in handlers:
+            handlers.remove(handler)
+    forget()

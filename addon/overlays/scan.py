@@ -1,58 +1,129 @@
-"""Faces of the marked regions over the scan in the 3D view."""
+"""Over the scan in the 3D view: regions and proposals as tinted faces with outlines and names."""
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
 
 import bpy
 import gpu
 import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
+from mathutils import Vector
 
-from ...core.arrays import AnyArray, BoolArray, Float32Array, IntArray
+from ...core.arrays import AnyArray, Float32Array, FloatArray, IndexArray, IntArray
+from ...core.geometry.boundary import boundary_loops
 from ..bridge import meshes
-from ..bridge import regions as bridge
+from ..bridge.regions import opening_in_world
+from ..bridge.world import matrix_to_array
+from .lines import WIDTH, Labels
 
-_ALPHA = 0.45
+_ALPHA, _PROPOSED_ALPHA = 0.4, 0.2
+_LIFT = 2e-4  # of the scan's extent
+PROPOSED = (1.0, 1.0, 1.0)
 
 
-class Batches:
-    """What the graphics card draws per region, made anew when the region's faces or the scan change."""
+class Marked(Protocol):
+    """A region or a proposal: faces as an attribute of the scan, or an opening."""
+
+    attribute: str
+    opening_json: str
+    uid: int
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """What is drawn of a region: faces and outline on the graphics card, outlines (n,3) as numbers.
+
+    All in the scan object's own frame, m, but the loops, which are in Blender's world.
+    """
+
+    faces: gpu.types.GPUBatch
+    outline: gpu.types.GPUBatch
+    loops: tuple[FloatArray, ...]
+    middle: FloatArray
+
+
+class Shapes:
+    """Shapes of regions and proposals, made anew when their faces or the scan change."""
 
     def __init__(self) -> None:
-        self._known: dict[str, tuple[object, gpu.types.GPUBatch]] = {}
+        self._known: dict[str, tuple[object, Shape | None]] = {}
 
-    def of(self, scan: bpy.types.Object, attribute: str, inside: BoolArray) -> gpu.types.GPUBatch:
-        """Triangles of the faces (F,) in the scan's own frame."""
+    def of(self, scan: bpy.types.Object, item: Marked) -> Shape | None:
+        """Shape of a region or proposal; None where it is not on the scan."""
         mesh = scan.data
-        key = (mesh.name_full, mesh.session_uid, len(mesh.vertices), zlib.crc32(inside.tobytes()))
-        known = self._known.get(attribute)
+        place = matrix_to_array(scan.matrix_world).tobytes()
+        revision = getattr(item, "revision", 0)
+        key = (mesh.session_uid, len(mesh.vertices), len(mesh.polygons), place, revision, item.opening_json)
+        known = self._known.get(item.attribute)
         if known is None or known[0] != key:
-            corners = lifted(meshes.read_positions(mesh), meshes.read_faces(mesh)[inside])
-            shader = gpu.shader.from_builtin("UNIFORM_COLOR")
-            known = key, batch_for_shader(shader, "TRIS", {"pos": corners})
-            self._known[attribute] = known
+            known = key, _shape(scan, item)
+            self._known[item.attribute] = known
         return known[1]
 
+    def loops(self, scene: bpy.types.Scene, item: Marked) -> tuple[FloatArray, ...]:
+        """Outlines (n,3) of a region in Blender's world, metres."""
+        scan = scene.fresco.scan
+        if scan is None or not meshes.is_triangulated(scan.data):
+            return ()
+        shape = self.of(scan, item)
+        return () if shape is None else shape.loops
+
     def clear(self) -> None:
-        """Forget all: another file was opened."""
+        """Forget all: another file was opened, or the scan was edited."""
         self._known.clear()
 
 
-def lifted(positions: AnyArray, faces: IntArray) -> Float32Array:
-    """Corners (3n,3) of faces (n,3).
+SHAPES = Shapes()
 
-    A little in front of the scan so that both are not drawn into each other.
-    """
+
+def _shape(scan: bpy.types.Object, item: Marked) -> Shape | None:
+    if item.opening_json:
+        world, faces = opening_in_world(scan, item.opening_json)
+        corners = meshes.to_object_frame(scan, world)
+    else:
+        inside = meshes.read_face_attribute(scan.data, item.attribute)
+        if inside is None or not inside.any():
+            return None
+        used, faces = np.unique(meshes.read_faces(scan.data)[inside].ravel(), return_inverse=True)
+        corners, faces = meshes.read_positions(scan.data)[used].astype(np.float64), faces.reshape(-1, 3)
+    extent = float(np.ptp(np.array(scan.bound_box), axis=0).max())
+    return _drawn(corners, faces, _LIFT * extent, matrix_to_array(scan.matrix_world))
+
+
+def _drawn(corners: FloatArray, faces: IndexArray, lift: float, matrix: FloatArray) -> Shape:
+    """Shape of corners (n,3) and faces (m,3) in the object's frame; `matrix` takes that to the world."""
+    triangles = lifted(corners, faces, lift)
+    loops = [corners[loop] for loop in boundary_loops(faces)]
+    raised = corners.astype(np.float64)  # the outline lies where the lifted faces end
+    raised[faces.ravel()] = triangles
+    ends = [_edges(raised[loop]) for loop in boundary_loops(faces)]
+    places = np.concatenate(ends) if ends else np.zeros((0, 3))
+    flat, line = (gpu.shader.from_builtin(name) for name in ("UNIFORM_COLOR", "POLYLINE_UNIFORM_COLOR"))
+    return Shape(
+        batch_for_shader(flat, "TRIS", {"pos": triangles}),
+        batch_for_shader(line, "LINES", {"pos": places.astype(np.float32)}),
+        tuple(loop @ matrix[:3, :3].T + matrix[:3, 3] for loop in loops),
+        triangles.mean(axis=0, dtype=np.float64) @ matrix[:3, :3].T + matrix[:3, 3],
+    )
+
+
+def _edges(loop: FloatArray) -> FloatArray:
+    """Ends (2n,3) of the sides of a closed loop (n,3)."""
+    return np.stack([loop, np.roll(loop, -1, axis=0)], axis=1).reshape(-1, 3)
+
+
+def lifted(positions: AnyArray, faces: IntArray, lift: float | None = None) -> Float32Array:
+    """Corners (3n,3) of faces (n,3), a little in front of the scan, lest both be drawn into each other."""
     corners = positions[faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-    lift = 2e-4 * float(np.ptp(positions, axis=0).max())
+    if lift is None:
+        lift = _LIFT * float(np.ptp(positions, axis=0).max())
     return (corners + lift * normal[:, None]).reshape(-1, 3).astype(np.float32)
-
-
-BATCHES = Batches()
 
 
 def draw_faces(corners: Float32Array, color: Sequence[float], matrix: object) -> None:
@@ -71,22 +142,65 @@ def draw_faces(corners: Float32Array, color: Sequence[float], matrix: object) ->
     gpu.state.blend_set("NONE")
 
 
-def draw() -> None:
-    """Tint the faces of all regions in their colours."""
-    scene = bpy.context.scene
+def _shown_scan(scene: bpy.types.Scene) -> bpy.types.Object | None:
     scan = scene.fresco.scan
     if scan is None or scan.mode == "EDIT" or not scan.visible_get() or not meshes.is_triangulated(scan.data):
+        return None
+    return scan
+
+
+def draw() -> None:
+    """Tint the faces of all regions in their colours, and those of proposals."""
+    scene = bpy.context.scene
+    scan = _shown_scan(scene)
+    if scan is None:
         return
-    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     gpu.state.blend_set("ALPHA")
     gpu.state.depth_test_set("LESS_EQUAL")
     with gpu.matrix.push_pop():
         gpu.matrix.multiply_matrix(scan.matrix_world)
         for region in scene.fresco.regions:
-            inside = bridge.read_faces(scene, region)
-            if inside.any():
-                shader.bind()
-                shader.uniform_float("color", (*region.color, _ALPHA))
-                BATCHES.of(scan, region.attribute, inside).draw(shader)
+            width = WIDTH + (1.5 if region == scene.fresco.active_region else 0.0)
+            _draw_shape(SHAPES.of(scan, region), region.color, _ALPHA, width)
+        marking = scene.fresco_marking
+        for proposal in marking.proposals:
+            chosen = proposal == marking.active_proposal
+            alpha = _ALPHA if chosen else _PROPOSED_ALPHA
+            _draw_shape(SHAPES.of(scan, proposal), PROPOSED, alpha, WIDTH + (1.5 if chosen else -0.5))
     gpu.state.depth_test_set("NONE")
     gpu.state.blend_set("NONE")
+
+
+def _draw_shape(shape: Shape | None, color: Sequence[float], alpha: float, width: float) -> None:
+    if shape is None:
+        return
+    flat, line = (gpu.shader.from_builtin(name) for name in ("UNIFORM_COLOR", "POLYLINE_UNIFORM_COLOR"))
+    flat.bind()
+    flat.uniform_float("color", (*color[:3], alpha))
+    shape.faces.draw(flat)
+    line.bind()
+    line.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
+    line.uniform_float("lineWidth", width)
+    line.uniform_float("color", (*color[:3], 1.0))
+    shape.outline.draw(line)
+
+
+def draw_names() -> None:
+    """Write the names of regions and proposals on the scan."""
+    context = bpy.context
+    scan = _shown_scan(context.scene)
+    if scan is None or not context.space_data.overlay.show_overlays:
+        return
+    labels = Labels()
+    for region in context.scene.fresco.regions:
+        _draw_name(SHAPES.of(scan, region), region.name, region.color, labels)
+    for proposal in context.scene.fresco_marking.proposals:
+        _draw_name(SHAPES.of(scan, proposal), f"{proposal.name}?", PROPOSED, labels)
+
+
+def _draw_name(shape: Shape | None, name: str, color: Sequence[float], labels: Labels) -> None:
+    if shape is None:
+        return
+    place = location_3d_to_region_2d(bpy.context.region, bpy.context.region_data, Vector(shape.middle))
+    if place is not None:
+        labels.draw(name, np.array(place), color)

@@ -1,45 +1,64 @@
-"""What the marking operators share: a job first, then the mouse, a preview, and one undo step at the end."""
+"""What the marking operators share: prepare, follow the mouse with a preview, compute, and one undo step."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any
 
 import bpy
 
-from ...core.jobs import Job
+from ...core.jobs import Job, Progress
 from ..jobs import SLICE, StepOperator
+from .background import beside_job
 
 NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "WHEELINMOUSE", "WHEELOUTMOUSE"}
+CONFIRM = {"RET", "NUMPAD_ENTER"}
+KEYS = "Enter: accept   Esc, right click: cancel"
+
+
+def one_step_job(work: Callable[[], Any]) -> Job[Any]:
+    """Job of a function that cannot be cut."""
+    yield Progress(0.5, "Finishing the outline")
+    return work()
 
 
 class MarkingOperator(StepOperator):
-    """Mixin: a stroke with the mouse that may have to wait for a photo or scan to be prepared.
+    """Mixin: a stroke with the mouse. Waiting and computing happen beside the window, which stays fluid.
 
-    `job` prepares, `begin` is called with its result, then `handle` with every event until it returns True
-    (done)
-    or False (given up); `path` are the mouse's places in the region since the button went down, also while
-    preparing; `draw_stroke` shows the stroke.
+    `job` prepares and `begin` gets its result; `handle` is called with every event until it returns True:
+    the stroke is drawn. `path` are the mouse's places in the region since the button went down, also while
+    preparing; `draw_stroke` shows the stroke. `work` gives a function that computes what the stroke marks,
+    and `apply` writes that to the scene.
     """
 
     bl_options = {"REGISTER", "UNDO"}
     step = "regions"
     space: type = bpy.types.SpaceImageEditor
+    hint = ""
 
     def job(self, context: bpy.types.Context) -> Job[Any]:
+        """Prepare what the stroke needs."""
         raise NotImplementedError
 
     def begin(self, context: bpy.types.Context, prepared: Any) -> None:
+        """Take over what was prepared."""
         raise NotImplementedError
 
-    def handle(self, context: bpy.types.Context, event: bpy.types.Event) -> bool | None:
+    def handle(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
+        """Follow the mouse; true when the stroke is drawn."""
         raise NotImplementedError
 
     def draw_stroke(self) -> None:
+        """Show the stroke so far."""
         raise NotImplementedError
 
-    def apply(self, context: bpy.types.Context) -> None:
-        """Write the stroke to the scene."""
+    def work(self, context: bpy.types.Context) -> Callable[[], Any]:
+        """Return what is left to compute, as a function that touches no Blender data."""
+        raise NotImplementedError
+
+    def apply(self, context: bpy.types.Context, result: Any) -> None:
+        """Write what was computed to the scene."""
         raise NotImplementedError
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -48,7 +67,7 @@ class MarkingOperator(StepOperator):
         self._area, self._region = context.area, context.region
         self.pressed, self.released = (event.mouse_region_x, event.mouse_region_y), False
         self.path = [self.pressed]
-        self.ready_for_mouse = False
+        self._begun, self._finishing = False, False
         try:
             self._job = self.job(context)
         except Exception as error:
@@ -68,30 +87,42 @@ class MarkingOperator(StepOperator):
         except Exception as error:
             self._end(context)
             return self.fail(context, error)
-        if done is None:
-            return {"PASS_THROUGH"} if event.type in NAVIGATION else {"RUNNING_MODAL"}
-        self._end(context)
-        return {"FINISHED"} if done else {"CANCELLED"}
+        if done:
+            self._end(context)
+            return {"FINISHED"}
+        return {"PASS_THROUGH"} if event.type in NAVIGATION else {"RUNNING_MODAL"}
 
-    def _step(self, context: bpy.types.Context, event: bpy.types.Event) -> bool | None:
+    def _step(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
+        """Handle an event; true when all is written."""
+        self._follow_mouse(event)
+        if self._finishing or not self._begun:
+            if event.type != "TIMER" or not self._advance(context):
+                return False
+            if self._finishing:
+                self.apply(context, self._result)
+                return True
+            self._begun = True
+            self.begin(context, self._result)
+            context.workspace.status_text_set(f"{self.hint}   {KEYS}")
+        if self.handle(context, event):
+            self._finishing = True
+            self._job = beside_job(one_step_job(self.work(context)))
+        self._area.tag_redraw()
+        return False
+
+    def _follow_mouse(self, event: bpy.types.Event) -> None:
         if event.type in {"MOUSEMOVE", "INBETWEEN_MOUSEMOVE"} and not self.released:
             self.path.append((event.mouse_region_x, event.mouse_region_y))
-        if not self.ready_for_mouse:
-            if event.type == "LEFTMOUSE" and event.value == "RELEASE":
-                self.released = True
-            if event.type != "TIMER" or not self._prepare(context):
-                return None
-            self.begin(context, self._prepared)
-            self._area.tag_redraw()
-            if not self.released:
-                return None
-        done = self.handle(context, event)
-        self._area.tag_redraw()
-        if done:
-            self.apply(context)
-        return done
+        elif self.is_end(event):
+            self.released = True
 
-    def _prepare(self, context: bpy.types.Context) -> bool:
+    def is_end(self, event: bpy.types.Event) -> bool:
+        """Whether an event ends a stroke: the button goes up, or Enter."""
+        if event.type == "LEFTMOUSE":
+            return event.value == "RELEASE"
+        return event.type in CONFIRM and event.value == "PRESS"
+
+    def _advance(self, context: bpy.types.Context) -> bool:
         """Advance the job by a slice; true when it has ended."""
         until = time.perf_counter() + SLICE
         try:
@@ -103,17 +134,11 @@ class MarkingOperator(StepOperator):
                 if time.perf_counter() > until:
                     return False
         except StopIteration as stop:
-            self._prepared = stop.value
-        context.workspace.status_text_set(self.bl_description)
-        self.ready_for_mouse = True
+            self._result = stop.value
         return True
 
-    def is_release(self, event: bpy.types.Event) -> bool:
-        """Whether the stroke's button is up, now or since before the preparation ended."""
-        return self.released or (event.type == "LEFTMOUSE" and event.value == "RELEASE")
-
     def _draw(self) -> None:
-        if self.ready_for_mouse and bpy.context.area == self._area:
+        if self._begun and bpy.context.area == self._area:
             self.draw_stroke()
 
     def _end(self, context: bpy.types.Context) -> None:

@@ -1,14 +1,17 @@
-"""Photos and scans made ready for clicks; kept while the same photo or scan is worked on, never saved."""
+"""Photos and scans made ready for clicks, in threads; kept while they are worked on, never saved."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import bpy
 import cv2
 import numpy as np
 
-from ...core.arrays import ByteArray, FloatArray, IntArray
+from ...core.arrays import ArrayLike, BoolArray, ByteArray, FloatArray, IntArray
 from ...core.errors import PhotoError
 from ...core.geometry.rays import RayCaster
 from ...core.jobs import Job, Progress, part
@@ -17,8 +20,7 @@ from ...core.regions.wand import PhotoWand, prepare_wand_job
 from ..bridge import meshes
 from ..bridge.world import matrix_to_array
 from ..properties import FrescoPhoto
-
-Signature = tuple[object, ...]
+from .background import Preparation, Signature
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,45 +33,74 @@ class PreparedScan:
     faces: IntArray
 
 
+@dataclass(eq=False)
+class LastClick:
+    """The wand's last click, so that its tolerance can still be changed by keys.
+
+    `write` puts the level so many steps from the best into the region `uid`; it is false when there is none.
+    """
+
+    uid: int
+    space: str
+    write: Callable[[bpy.types.Context, int], bool]
+
+
 class Store:
-    """The photo and the scan worked on last, each with a signature that tells when it is out of date."""
+    """The photo and the scan worked on last, and the last click on them."""
 
     def __init__(self) -> None:
-        self.photo: tuple[Signature, PhotoWand] | None = None
-        self.scan: tuple[Signature, PreparedScan] | None = None
+        self.photo: Preparation[PhotoWand] | None = None
+        self.scan: Preparation[PreparedScan] | None = None
+        self.click: LastClick | None = None
 
     def clear(self) -> None:
         """Give the memory back."""
-        self.photo = self.scan = None
+        for work in (self.photo, self.scan):
+            if work is not None:
+                work.stop()
+        self.photo = self.scan = self.click = None
 
 
 STORE = Store()
 """Both take seconds to prepare and much memory to keep, and no .blend could hold them."""
 
 
-def read_pixels(photo: FrescoPhoto) -> ByteArray:
+def read_pixels(path: str | Path) -> ByteArray:
     """RGB pixels (H,W,3) of a photo's original file, as stored: the camera belongs to these."""
     flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
     try:
-        data = np.fromfile(photo.path, dtype=np.uint8)
+        data = np.fromfile(path, dtype=np.uint8)
     except OSError as error:
-        raise PhotoError(f"{photo.path}: the photo cannot be read ({error.strerror or error})") from error
+        raise PhotoError(f"{path}: the photo cannot be read ({error.strerror or error})") from error
     image = cv2.imdecode(data, flags) if len(data) else None
     if image is None:
-        raise PhotoError(f"{photo.path}: not a photo that can be read")
-    return np.ascontiguousarray(image[:, :, ::-1])
+        raise PhotoError(f"{path}: not a photo that can be read")
+    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB, dst=image)
+
+
+def _wand_job(path: str) -> Job[PhotoWand]:
+    yield Progress(0.0, "Reading the photo")
+    pixels = read_pixels(path)
+    return (yield from part(prepare_wand_job(pixels), 0.1, 1.0))
+
+
+def _usable(work: Preparation[Any] | None, signature: Signature) -> bool:
+    return work is not None and work.signature == signature and not work.failed
+
+
+def prepare_photo(photo: FrescoPhoto) -> Preparation[PhotoWand]:
+    """Begin to make a photo ready, unless it is or begins to be."""
+    signature: Signature = (photo.path,)
+    if not _usable(STORE.photo, signature):
+        if STORE.photo is not None:
+            STORE.photo.stop()
+        STORE.photo = Preparation(signature, _wand_job(photo.path))
+    return STORE.photo
 
 
 def photo_job(photo: FrescoPhoto) -> Job[PhotoWand]:
-    """Make a photo ready; done at once when it is."""
-    signature: Signature = (photo.path,)
-    if STORE.photo is not None and STORE.photo[0] == signature:
-        return STORE.photo[1]
-    yield Progress(0.0, "Reading the photo")
-    pixels = read_pixels(photo)
-    wand = yield from part(prepare_wand_job(pixels), 0.1, 1.0)
-    STORE.photo = signature, wand
-    return wand
+    """Wait until a photo is ready; done at once when it is."""
+    return prepare_photo(photo).wait_job()
 
 
 def scan_signature(scan: bpy.types.Object) -> Signature:
@@ -77,26 +108,30 @@ def scan_signature(scan: bpy.types.Object) -> Signature:
     mesh = scan.data
     positions = meshes.read_positions(mesh)
     sample = positions[:: max(1, len(positions) // 1000)].tobytes()
-    return (
-        mesh.name,
-        len(mesh.vertices),
-        len(mesh.polygons),
-        matrix_to_array(scan.matrix_world).tobytes(),
-        sample,
-    )
+    matrix = matrix_to_array(scan.matrix_world).tobytes()
+    return (mesh.name, len(mesh.vertices), len(mesh.polygons), matrix, sample)
+
+
+def _scan_job(vertices: FloatArray, faces: IntArray, colours: ByteArray | None) -> Job[PreparedScan]:
+    index = yield from part(index_surface_job(vertices, faces, colours), 0.0, 0.8)
+    yield Progress(0.8, "Preparing clicks")
+    return PreparedScan(index, RayCaster(vertices, faces), vertices, faces)
+
+
+def prepare_scan(scan: bpy.types.Object) -> Preparation[PreparedScan]:
+    """Begin to make a scan ready, unless it is or begins to be."""
+    signature = scan_signature(scan)
+    if not _usable(STORE.scan, signature):
+        if STORE.scan is not None:
+            STORE.scan.stop()
+        data = meshes.read_vertices(scan), meshes.read_faces(scan.data), read_colours(scan.data)
+        STORE.scan = Preparation(signature, _scan_job(*data))
+    return STORE.scan
 
 
 def scan_job(scan: bpy.types.Object) -> Job[PreparedScan]:
-    """Make a scan ready; done at once when it is."""
-    signature = scan_signature(scan)
-    if STORE.scan is not None and STORE.scan[0] == signature:
-        return STORE.scan[1]
-    vertices, faces = meshes.read_vertices(scan), meshes.read_faces(scan.data)
-    index = yield from part(index_surface_job(vertices, faces, read_colours(scan.data)), 0.0, 0.8)
-    yield Progress(0.8, "Preparing clicks")
-    prepared = PreparedScan(index, RayCaster(vertices, faces), vertices, faces)
-    STORE.scan = signature, prepared
-    return prepared
+    """Wait until a scan is ready; done at once when it is."""
+    return prepare_scan(scan).wait_job()
 
 
 def read_colours(mesh: bpy.types.Mesh) -> ByteArray | None:
@@ -107,3 +142,10 @@ def read_colours(mesh: bpy.types.Mesh) -> ByteArray | None:
     colours = np.empty(4 * len(mesh.vertices), dtype=np.float32)
     attribute.data.foreach_get("color_srgb", colours)
     return np.clip(colours.reshape(-1, 4)[:, :3] * 255 + 0.5, 0, 255).astype(np.uint8)
+
+
+def face_mask(faces: ArrayLike, count: int) -> BoolArray:
+    """Which of `count` faces are among the numbered ones: (count,)."""
+    inside = np.zeros(count, dtype=np.bool_)
+    inside[np.asarray(faces, dtype=np.int64)] = True
+    return inside

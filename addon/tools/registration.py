@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import bpy
 
-from . import photo, scan, settings
+from . import photo, scan, settings, toolbar, watch
 
-CLASSES = (*settings.CLASSES, *photo.CLASSES, *scan.CLASSES)
+CLASSES = (*settings.CLASSES, *watch.CLASSES, *photo.CLASSES, *scan.CLASSES)
 
 
 def attach() -> None:
     """Add the tools; there are no toolbars without a window."""
     settings.attach()
+    watch.attach()
     if bpy.app.background:
         return
-    for tools in (photo.TOOLS, scan.TOOLS):
+    for tools in (toolbar.PHOTO_TOOLS, toolbar.SCAN_TOOLS):
         before = None
         for tool in tools:
             bpy.utils.register_tool(tool, after=before, separator=before is None)
@@ -24,6 +25,7 @@ def attach() -> None:
 def detach() -> None:
     """Take the tools away."""
     if not bpy.app.background:
-        for tool in (*photo.TOOLS, *scan.TOOLS):
+        for tool in (*toolbar.PHOTO_TOOLS, *toolbar.SCAN_TOOLS):
             bpy.utils.unregister_tool(tool)
+    watch.detach()
     settings.detach()

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable, Sequence
+
 import bpy
 import numpy as np
 from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_3d
 
-from ...core.arrays import BoolArray, FloatArray, IndexArray
+from ...core.arrays import BoolArray, FloatArray
 from ...core.errors import RegionError
 from ...core.jobs import Job
-from ...core.regions.outline import polygon_mask
-from ...core.regions.surface_wand import grow_surface, region_faces
+from ...core.regions.outline import combined, polygon_mask
+from ...core.regions.surface_wand import SurfaceClick, grow_surface, region_faces
+from ..bridge import regions as bridge
+from ..bridge.regions import region_of
 from ..bridge.world import matrix_to_array
 from ..overlays.lines import circle, draw_loops
 from ..overlays.scan import draw_faces, lifted
 from . import targets
 from .modal import MarkingOperator
-from .photo import PREVIEW, strokes
-from .prepared import PreparedScan, scan_job
+from .photo import PREVIEW, key_steps
+from .prepared import STORE, LastClick, PreparedScan, face_mask, scan_job
 
 _STEP = 24  # screen pixels of dragging per tolerance of the wand
 
@@ -44,69 +49,94 @@ class ScanStroke(MarkingOperator):
     def begin(self, context: bpy.types.Context, prepared: PreparedScan) -> None:
         self.scan = prepared
 
-    def handle(self, context: bpy.types.Context, event: bpy.types.Event) -> bool | None:
-        return True if self.is_release(event) else None
+    def handle(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
+        return self.released
 
     def draw_stroke(self) -> None:
         draw_loops([np.array(self.path, dtype=np.float64)], PREVIEW, closed=False)
 
-    def hits(self, places: list[tuple[float, float]]) -> tuple[IndexArray, FloatArray]:
-        """Faces (n,) and points (n,3), metres, under places of the region.
+    def apply(self, context: bpy.types.Context, result: BoolArray) -> None:
+        targets.mark_scan(context, result, self.mode)
 
-        Places beside the scan are left out.
-        """
-        origins = np.array(
-            [region_2d_to_origin_3d(self._region, self.view, p) for p in places], dtype=np.float64
-        )
-        towards = np.array(
-            [region_2d_to_vector_3d(self._region, self.view, p) for p in places], dtype=np.float64
-        )
-        hit = self.scan.caster.first_hit(origins, towards)
-        struck = hit.face >= 0
-        points = origins[struck] + hit.distance[struck, None].astype(np.float64) * towards[struck]
-        return hit.face[struck].astype(np.int64), points
+    def rays(self, places: Sequence[tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
+        """Origins (n,3), metres, and directions (n,3) of the rays through places of the region."""
+        origins = [region_2d_to_origin_3d(self._region, self.view, place) for place in places]
+        towards = [region_2d_to_vector_3d(self._region, self.view, place) for place in places]
+        return np.array(origins, dtype=np.float64), np.array(towards, dtype=np.float64)
 
 
 class FRESCO_OT_scan_wand(ScanStroke, bpy.types.Operator):
     bl_idname = "fresco.scan_wand"
     bl_label = "Surface Wand"
     bl_description = (
-        "Click a smooth part of the scan; drag for a smaller or larger region. Shift adds, Ctrl takes away"
+        "Click a smooth part of the scan; drag right or left, or press plus or minus, for a larger or "
+        "smaller region. Shift adds, Ctrl takes away"
     )
+    hint = "Drag right, left or plus, minus: larger, smaller   Shift: add   Ctrl: take away"
 
     def begin(self, context: bpy.types.Context, prepared: PreparedScan) -> None:
         super().begin(context, prepared)
-        faces, _ = self.hits([self.pressed])
-        if len(faces) == 0:
+        hit = prepared.caster.first_hit(*self.rays([self.pressed]))
+        if hit.face[0] < 0:
             raise RegionError("The click is not on the scan.")
-        self.face = int(faces[0])
+        self.face = int(hit.face[0])
         self.found = grow_surface(prepared.index, self.face)
-        self._choose(0)
+        self.steps = self.by_key = 0
+        self._choose()
 
-    def _choose(self, steps: int) -> None:
-        level = self.found.level(steps)
-        self.faces = region_faces(self.scan.index, self.face, level)
-        self.level = level
+    def _choose(self) -> None:
+        self.level = self.found.level(self.steps)
+        self.faces = region_faces(self.scan.index, self.face, self.level)
         self.corners = lifted(self.scan.vertices, self.scan.faces[self.faces])
 
-    def handle(self, context: bpy.types.Context, event: bpy.types.Event) -> bool | None:
-        if event.type == "MOUSEMOVE" and not self.released:
-            steps = round((event.mouse_region_x - self.pressed[0]) / _STEP)
-            if self.found.level(steps) is not self.level:
-                self._choose(steps)
-        return True if self.is_release(event) else None
+    def handle(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
+        self.by_key += key_steps(event)
+        self.steps = round((self.path[-1][0] - self.pressed[0]) / _STEP) + self.by_key
+        if self.found.level(self.steps) is not self.level:
+            self._choose()
+        return self.released
 
     def draw_stroke(self) -> None:
         draw_faces(self.corners, PREVIEW, self.view.perspective_matrix)
 
-    def apply(self, context: bpy.types.Context) -> None:
-        targets.mark_scan(context, self.faces, self.mode)
+    def work(self, context: bpy.types.Context) -> Callable[[], BoolArray]:
+        faces, count = self.faces, len(self.scan.faces)
+        return lambda: face_mask(faces, count)
+
+    def apply(self, context: bpy.types.Context, result: BoolArray) -> None:
+        chosen = context.scene.fresco.active_region
+        earlier = None if chosen is None else bridge.read_faces(context.scene, chosen)
+        region = targets.mark_scan(context, result, self.mode)
+        click = ScanClick(self.scan, self.found, region.uid, self.mode, earlier)
+        STORE.click = LastClick(region.uid, "VIEW_3D", click.write)
+        context.scene.fresco_marking.wand_steps = self.steps
+
+
+class ScanClick:
+    """A click of the wand on the scan, kept so that another of its levels can be chosen."""
+
+    def __init__(
+        self, scan: PreparedScan, found: SurfaceClick, uid: int, mode: str, earlier: BoolArray | None
+    ) -> None:
+        self.scan, self.found, self.uid, self.mode, self.earlier = scan, found, uid, mode, earlier
+
+    def write(self, context: bpy.types.Context, steps: int) -> bool:
+        """Mark the level `steps` more tolerant than the best; false where there is none."""
+        region, scan = region_of(context.scene, self.uid), context.scene.fresco.scan
+        there = 0 <= self.found.best + steps < len(self.found.levels)
+        if region is None or scan is None or not there or len(scan.data.polygons) != len(self.scan.faces):
+            return False
+        faces = region_faces(self.scan.index, self.found.face, self.found.level(steps))
+        stroke = face_mask(faces, len(self.scan.faces))
+        bridge.write_faces(context.scene, region, combined(self.earlier, stroke, self.mode))
+        return True
 
 
 class FRESCO_OT_scan_brush(ScanStroke, bpy.types.Operator):
     bl_idname = "fresco.scan_brush"
     bl_label = "Surface Brush"
     bl_description = "Paint a region on the scan. Adds to the chosen one; Ctrl takes away"
+    hint = "Paint the region   Ctrl: take away"
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         started = super().invoke(context, event)
@@ -118,30 +148,13 @@ class FRESCO_OT_scan_brush(ScanStroke, bpy.types.Operator):
         centre = np.array(self.path[-1], dtype=np.float64)
         draw_loops([circle(centre, bpy.context.scene.fresco_marking.radius)], PREVIEW)
 
-    def apply(self, context: bpy.types.Context) -> None:
+    def work(self, context: bpy.types.Context) -> Callable[[], BoolArray]:
         radius = context.scene.fresco_marking.radius
-        aside = [(x + radius, y) for x, y in self.path]
-        _, centres = self.hits(self.path)
-        if len(centres) == 0:
-            raise RegionError("The stroke is not on the scan.")
-        middle = self.scan.index.middle.astype(np.float64) + self.scan.index.centre
-        inside = np.zeros(len(middle), dtype=np.bool_)
-        for place, beside in zip(self.path, aside, strict=True):
-            _, hit = self.hits([place])
-            if len(hit):
-                size = self._world_radius(place, beside, hit[0])
-                inside |= np.sum((middle - hit[0]) ** 2, axis=1) < size * size
-        facing = facing_view(self.view, middle, self.scan.index.normal)
-        targets.mark_scan(context, np.flatnonzero(inside & facing), self.mode)
-
-    def _world_radius(
-        self, place: tuple[float, float], beside: tuple[float, float], point: FloatArray
-    ) -> float:
-        """Metres that the brush's radius covers at a point of the scan."""
-        origin = np.array(region_2d_to_origin_3d(self._region, self.view, beside), dtype=np.float64)
-        towards = np.array(region_2d_to_vector_3d(self._region, self.view, beside), dtype=np.float64)
-        along = (point - origin) @ towards
-        return float(np.linalg.norm(origin + along * towards - point))
+        places = dense_path(self.path, max(2.0, 0.3 * radius))
+        origins, towards = self.rays(places)
+        beside = self.rays([(x + radius, y) for x, y in places])
+        scan, view = self.scan, ViewGeometry(self.view)
+        return lambda: brushed_faces(scan, view, (origins, towards), beside)
 
 
 class FRESCO_OT_scan_lasso(ScanStroke, bpy.types.Operator):
@@ -150,104 +163,91 @@ class FRESCO_OT_scan_lasso(ScanStroke, bpy.types.Operator):
     bl_description = (
         "Draw around a region of the scan; what is hidden is left out. Shift adds, Ctrl takes away"
     )
+    hint = "Draw around the region   Shift: add   Ctrl: take away"
 
     def draw_stroke(self) -> None:
         draw_loops([np.array(self.path, dtype=np.float64)], PREVIEW, closed=len(self.path) > 2)
 
-    def apply(self, context: bpy.types.Context) -> None:
-        region = self._region
-        middle = self.scan.index.middle.astype(np.float64) + self.scan.index.centre
-        places, before = on_screen(self.view, middle, region.width, region.height)
-        mask = polygon_mask([np.array(self.path)], region.width, region.height)
-        before &= np.all((places >= 0) & (places < [region.width, region.height]), axis=1)
-        before &= facing_view(self.view, middle, self.scan.index.normal)
-        cells = places[before].astype(np.int64)
-        faces = np.flatnonzero(before)[mask[cells[:, 1], cells[:, 0]]]
-        seen = ~self.scan.caster.occluded(view_origins(self.view, middle[faces]), middle[faces])
-        if not seen.any():
-            raise RegionError("The outline holds no face of the scan.")
-        targets.mark_scan(context, faces[seen], self.mode)
+    def work(self, context: bpy.types.Context) -> Callable[[], BoolArray]:
+        scan, view = self.scan, ViewGeometry(self.view)
+        mask = polygon_mask([np.array(self.path)], self._region.width, self._region.height)
+        return lambda: enclosed_faces(scan, view, mask)
 
 
-def on_screen(
-    view: bpy.types.RegionView3D, points: FloatArray, width: int, height: int
-) -> tuple[FloatArray, BoolArray]:
-    """Places (N,2) in a region of points (N,3), metres, and whether (N,) they lie before the view."""
-    matrix = matrix_to_array(view.perspective_matrix)
-    clip = points @ matrix[:, :3].T + matrix[:, 3]
-    before = clip[:, 3] > 1e-9
-    flat = clip[:, :2] / np.where(before, clip[:, 3], 1.0)[:, None]
-    return (flat + 1) / 2 * np.array([width, height]), before
+class ViewGeometry:
+    """A 3D view as arrays, so that threads can use it."""
+
+    def __init__(self, view: bpy.types.RegionView3D) -> None:
+        self.projection = matrix_to_array(view.perspective_matrix)
+        self.camera = np.linalg.inv(matrix_to_array(view.view_matrix))
+        self.is_perspective = view.is_perspective
+        self.distance = float(view.view_distance)
+
+    def on_screen(self, points: FloatArray, width: int, height: int) -> tuple[FloatArray, BoolArray]:
+        """Places (N,2) in a region of points (N,3), metres, and whether (N,) they lie before the view."""
+        clip = points @ self.projection[:, :3].T + self.projection[:, 3]
+        before = clip[:, 3] > 1e-9
+        flat = clip[:, :2] / np.where(before, clip[:, 3], 1.0)[:, None]
+        return (flat + 1) / 2 * np.array([width, height]), before
+
+    def origins(self, points: FloatArray) -> FloatArray:
+        """Where the rays to points (N,3) come from: the eye (3,), or far before each point (N,3)."""
+        if self.is_perspective:
+            return self.camera[:3, 3]
+        far = 2.0 * float(np.ptp(points, axis=0).max(initial=1.0)) + self.distance
+        return points + self.camera[:3, 2] * far
+
+    def faces_it(self, points: FloatArray, normals: FloatArray) -> BoolArray:
+        """Which faces (N,) look towards the view: their middles (N,3), metres, and unit normals (N,3)."""
+        return np.sum((self.origins(points) - points) * normals, axis=1) > 0
 
 
-def view_origins(view: bpy.types.RegionView3D, points: FloatArray) -> FloatArray:
-    """Where the rays to points (N,3) come from.
-
-    The eye (3,), or far before each point (N,3) in parallel views.
-    """
-    camera = np.linalg.inv(matrix_to_array(view.view_matrix))
-    if view.is_perspective:
-        return camera[:3, 3]
-    return points + camera[:3, 2] * (
-        2.0 * float(np.ptp(points, axis=0).max(initial=1.0)) + view.view_distance
-    )
+def dense_path(path: Sequence[tuple[float, float]], step: float) -> list[tuple[float, float]]:
+    """Places along a stroke at most `step` screen pixels apart: a fast mouse leaves gaps."""
+    dense = [path[0]]
+    for start, end in itertools.pairwise(path):
+        count = max(1, int(np.ceil(np.hypot(end[0] - start[0], end[1] - start[1]) / step)))
+        share = np.arange(1, count + 1) / count
+        dense += [(start[0] + s * (end[0] - start[0]), start[1] + s * (end[1] - start[1])) for s in share]
+    return dense
 
 
-def facing_view(view: bpy.types.RegionView3D, points: FloatArray, normals: FloatArray) -> BoolArray:
-    """Which faces (N,) look towards the view: their middles (N,3), metres, and unit normals (N,3)."""
-    return np.sum((view_origins(view, points) - points) * normals, axis=1) > 0
+def brushed_faces(
+    scan: PreparedScan,
+    view: ViewGeometry,
+    rays: tuple[FloatArray, FloatArray],
+    beside: tuple[FloatArray, FloatArray],
+) -> BoolArray:
+    """Faces (F,) under a brush: rays (n,3), (n,3) through the stroke, and those one radius beside."""
+    hit = scan.caster.first_hit(*rays)
+    struck = np.flatnonzero(hit.face >= 0)
+    if len(struck) == 0:
+        raise RegionError("The stroke is not on the scan.")
+    points = rays[0][struck] + hit.distance[struck, None].astype(np.float64) * rays[1][struck]
+    origins, towards = beside[0][struck], beside[1][struck]
+    along = np.sum((points - origins) * towards, axis=1)
+    radius = np.linalg.norm(origins + along[:, None] * towards - points, axis=1)
+    middle = scan.index.middle.astype(np.float64) + scan.index.centre
+    inside = np.zeros(len(middle), dtype=np.bool_)
+    for point, size in zip(points, radius, strict=True):
+        inside |= np.sum((middle - point) ** 2, axis=1) < size * size
+    inside[hit.face[struck]] = True  # however small the brush
+    return inside & view.faces_it(middle, scan.index.normal)
 
 
-class ScanTool(bpy.types.WorkSpaceTool):
-    """Base of the 3D view's tools."""
-
-    bl_space_type = "VIEW_3D"
-    bl_context_mode = "OBJECT"
-
-
-class FRESCO_TOOL_scan_wand(ScanTool):
-    bl_idname = "fresco.tool_scan_wand"
-    bl_label = "Surface Wand"
-    bl_description = "One click marks a smooth part of the scan; drag for a smaller or larger one"
-    bl_icon = "ops.paint.weight_fill"
-    bl_keymap = strokes("fresco.scan_wand")
-    bl_cursor = "EYEDROPPER"
-
-    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: object) -> None:
-        draw_target(context, layout)
-
-
-class FRESCO_TOOL_scan_brush(ScanTool):
-    bl_idname = "fresco.tool_scan_brush"
-    bl_label = "Surface Brush"
-    bl_description = "Paint a region on the scan, or take away from it with Ctrl"
-    bl_icon = "ops.generic.select_circle"
-    bl_keymap = strokes("fresco.scan_brush")
-    bl_cursor = "PAINT_BRUSH"
-
-    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: object) -> None:
-        layout.prop(context.scene.fresco_marking, "radius")
-        draw_target(context, layout)
-
-
-class FRESCO_TOOL_scan_lasso(ScanTool):
-    bl_idname = "fresco.tool_scan_lasso"
-    bl_label = "Surface Lasso"
-    bl_description = "Draw around a region of the scan"
-    bl_icon = "ops.generic.select_lasso"
-    bl_keymap = strokes("fresco.scan_lasso")
-    bl_cursor = "CROSSHAIR"
-
-    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: object) -> None:
-        draw_target(context, layout)
-
-
-def draw_target(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-    """Say which region the next stroke marks."""
-    region = context.scene.fresco.active_region
-    new = region is None or region.face_count > 0
-    layout.label(text="Marks a new region" if new else f"Marks {region.name}", icon="FACESEL")
+def enclosed_faces(scan: PreparedScan, view: ViewGeometry, mask: BoolArray) -> BoolArray:
+    """Faces (F,) whose middles are seen inside a mask (H,W) of the region, whose first row is the lowest."""
+    height, width = mask.shape
+    middle = scan.index.middle.astype(np.float64) + scan.index.centre
+    places, before = view.on_screen(middle, width, height)
+    before &= np.all((places >= 0) & (places < [width, height]), axis=1)
+    before &= view.faces_it(middle, scan.index.normal)
+    cells = places[before].astype(np.int64)
+    faces = np.flatnonzero(before)[mask[cells[:, 1], cells[:, 0]]]
+    seen = ~scan.caster.occluded(view.origins(middle[faces]), middle[faces])
+    if not seen.any():
+        raise RegionError("The outline holds no face of the scan.")
+    return face_mask(faces[seen], len(middle))
 
 
 CLASSES = (FRESCO_OT_scan_wand, FRESCO_OT_scan_brush, FRESCO_OT_scan_lasso)
-TOOLS = (FRESCO_TOOL_scan_wand, FRESCO_TOOL_scan_brush, FRESCO_TOOL_scan_lasso)

@@ -8,7 +8,8 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ...core.arrays import ArrayLike, BoolArray, FloatArray
+from ...core.arrays import BoolArray, FloatArray
+from ...core.errors import RegionError
 from ...core.photos import RegionMark
 from ...core.regions.outline import checked_selection, combined
 from ..bridge import regions as bridge
@@ -25,40 +26,53 @@ def shown_photo(context: bpy.types.Context) -> FrescoPhoto | None:
     """Return the photo that the Image Editor shows."""
     space = context.space_data
     image = space.image if space is not None and space.type == "IMAGE_EDITOR" else None
+    return photo_of(context.scene, image)
+
+
+def photo_of(scene: bpy.types.Scene, image: bpy.types.Image | None) -> FrescoPhoto | None:
+    """Return the photo that has this image."""
     if image is None:
         return None
-    return next((photo for photo in context.scene.fresco.photos if photo.image == image), None)
+    return next((photo for photo in scene.fresco.photos if photo.image == image), None)
 
 
-def photo_region(context: bpy.types.Context, photo: FrescoPhoto, mode: str) -> FrescoRegion:
-    """Return the region a stroke in a photo marks.
+def stroke_target(context: bpy.types.Context, mode: str, taken: bool) -> FrescoRegion | None:
+    """Return the region that a stroke marks: the chosen one, or None where it begins a new one.
 
-    The chosen one, or a new one if that is marked here already.
+    `taken` tells whether the chosen region is marked here already.
     """
     region = context.scene.fresco.active_region
-    if region is None or (mode == "replace" and photo.mark(region.uid) is not None):
-        return bridge.add_region(context.scene, "Region")
-    return region
-
-
-def scan_region(context: bpy.types.Context, mode: str) -> FrescoRegion:
-    """Return the region a stroke on the scan marks.
-
-    The chosen one, or a new one if that has faces already.
-    """
-    region = context.scene.fresco.active_region
-    if region is None or (mode == "replace" and region.face_count > 0):
-        return bridge.add_region(context.scene, "Region")
+    if region is None or (mode == "replace" and taken and not context.scene.fresco_marking.redo):
+        return None
     return region
 
 
 def mark_photo(context: bpy.types.Context, photo: FrescoPhoto, stroke: BoolArray, mode: str) -> FrescoRegion:
-    """Combine a stroke (H,W) with the region's mark in a photo."""
-    checked_selection(stroke)
-    region = photo_region(context, photo, mode)
-    mark = photo.mark(region.uid)
-    earlier = None if mark is None or mark.image is None else read_mask_pixels(mark.image)
-    write_mask(photo, region, checked_selection(combined(earlier, stroke, mode)))
+    """Combine a stroke (H,W) with the region's mark in a photo, or with what stands before the region."""
+    if context.scene.fresco_marking.part == "HIDDEN":
+        return mark_hidden(context, photo, stroke, mode)
+    chosen = context.scene.fresco.active_region
+    mark = None if chosen is None else photo.mark(chosen.uid)
+    region = stroke_target(context, mode, mark is not None)
+    earlier = None if region is None or mark is None else read_mask_pixels(mark.image)
+    if mode == "subtract" and earlier is None:
+        raise RegionError("The chosen region is not marked in this photo: nothing can be taken away.")
+    mask = checked_selection(combined(earlier, checked_selection(stroke), mode))
+    region = region or bridge.add_region(context.scene, "Region")
+    write_mask(photo, region, mask)
+    return region
+
+
+def mark_hidden(context: bpy.types.Context, photo: FrescoPhoto, stroke: BoolArray, mode: str) -> FrescoRegion:
+    """Add a stroke (H,W) to what stands before the chosen region in a photo, or take it away with Ctrl."""
+    region = context.scene.fresco.active_region
+    mark = None if region is None else photo.mark(region.uid)
+    if mark is None:
+        raise RegionError(
+            "Mark the region first, its whole outline as far as you can tell; then what stands before it."
+        )
+    earlier = None if mark.hidden is None else read_mask_pixels(mark.hidden)
+    bridge.write_hidden(photo, region, combined(earlier, stroke, "add" if mode == "replace" else mode))
     return region
 
 
@@ -67,13 +81,18 @@ def write_mask(photo: FrescoPhoto, region: FrescoRegion, mask: BoolArray) -> Non
     bridge.write_mark(photo, region, RegionMark(region.name, mask=mask), mask.shape[::-1])
 
 
-def mark_scan(context: bpy.types.Context, faces: ArrayLike, mode: str) -> FrescoRegion:
-    """Combine faces (n,) with the region's faces on the scan."""
-    region = scan_region(context, mode)
-    earlier = bridge.read_faces(context.scene, region)
-    stroke = np.zeros(len(earlier), dtype=np.bool_)
-    stroke[np.asarray(faces, dtype=np.int64)] = True
-    bridge.write_faces(context.scene, region, combined(earlier, stroke, mode))
+def mark_scan(context: bpy.types.Context, stroke: BoolArray, mode: str) -> FrescoRegion:
+    """Combine faces (F,) with the region's faces on the scan."""
+    chosen = context.scene.fresco.active_region
+    region = stroke_target(context, mode, chosen is not None and chosen.is_on_scan)
+    earlier = None if region is None else bridge.read_faces(context.scene, region)
+    if mode == "subtract" and (earlier is None or not earlier.any()):
+        raise RegionError("The chosen region has no faces on the scan: nothing can be taken away.")
+    after = combined(earlier, stroke, mode)
+    if not after.any():
+        raise RegionError("No face of the region would be left: remove the region from the list instead.")
+    region = region or bridge.add_region(context.scene, "Region")
+    bridge.write_faces(context.scene, region, after)
     return region
 
 

@@ -23,6 +23,7 @@ class RegionMark:
     """The mark of region `name` in one photo: one of a mask file, a mask (H,W), a polygon.
 
     A polygon is its `outline` (n,2) and `holes`, in pixels; the centre of the top-left pixel is (0, 0).
+    `hidden` (H,W) is true where something stands before the region: its outline is a guess there.
     """
 
     name: str
@@ -30,6 +31,7 @@ class RegionMark:
     mask: BoolArray | None = None
     outline: FloatArray | None = None
     holes: tuple[FloatArray, ...] = ()
+    hidden: BoolArray | None = None
 
     def read_mask(self, width: int, height: int) -> BoolArray | None:
         """Mask (H,W) of the mark, None for a polygon; raises RegionError when it does not fit the photo."""

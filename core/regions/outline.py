@@ -35,6 +35,13 @@ def without_specks(mask: BoolArray, smallest: int = 0) -> BoolArray:
     return kept
 
 
+def grown_mask(mask: BoolArray, distance: float) -> BoolArray:
+    """Mask (H,W) with everything within `distance` pixels added; a negative distance takes as much away."""
+    rest = mask if distance < 0 else ~mask
+    far: BoolArray = cv2.distanceTransform(rest.view(np.uint8), cv2.DIST_L2, 5) > abs(distance)
+    return far if distance < 0 else ~far
+
+
 def smoothed_mask(mask: BoolArray, radius: float) -> BoolArray:
     """Mask (H,W) with its outline smoothed over `radius` pixels (sigma).
 

@@ -5,6 +5,7 @@ from fresco.core.regions.outline import (
     brush_mask,
     checked_selection,
     combined,
+    grown_mask,
     mask_polygons,
     polygon_mask,
     smoothed_mask,
@@ -44,6 +45,16 @@ def test_smoothing_removes_a_spike_and_keeps_straight_edges():
     smooth = smoothed_mask(mask, 2.0)
     assert not smooth[19, 40]
     assert np.array_equal(smooth[30:50], mask[30:50])
+
+
+def test_growing_and_shrinking_move_the_outline_by_the_distance():
+    mask = np.zeros((60, 80), dtype=bool)
+    mask[20:40, 30:50] = True
+    grown = grown_mask(mask, 5)
+    assert np.flatnonzero(grown[30]).tolist() == list(range(25, 55))
+    assert not grown[15, 25]  # corners are rounded
+    assert np.flatnonzero(grown_mask(mask, -5)[30]).tolist() == list(range(35, 45))
+    assert not grown_mask(mask, -20).any()
 
 
 @given(st.integers(0, 2**32 - 1))
