@@ -152,6 +152,10 @@ class TextureSettings:
     threads: int = 0
     """Photos looked at together; each takes up to about 150 MB for a moment. 0: one per core, at most 8."""
 
+    memory_limit: float = 0.0
+    """Memory (GiB) that choosing photos may take: fewer photos are looked at together, then fewer remembered
+    per face, at least 3; a scan that is too large even so is refused. 0: as much as is useful."""
+
 
 @dataclass(frozen=True)
 class PointSettings:

@@ -86,9 +86,7 @@ def view_of(photo: Photo, result: PhotoPose, held: bool = False) -> View:
     pose = result.pose
     known = result.sure_pose
     covariance = _HELD if held else None if known is None else known.covariance
-    return View(
-        photo.camera, pose.rotation, pose.translation, photo.path, photo.name, photo.read_mask(), covariance
-    )
+    return View(photo.camera, pose.rotation, pose.translation, photo.path, photo.name, photo.mask, covariance)
 
 
 def _edges_job(
@@ -166,7 +164,8 @@ def restored(result: PhotoPose) -> PhotoPose:
 def view_key(view: View) -> str:
     """Fingerprint of a posed photo and its pixels."""
     assert not isinstance(view.image, (str, np.ndarray))
-    mask = () if view.mask is None else view.mask
+    usable = view.usable
+    mask = () if usable is None else usable
     sure: FloatArray | tuple[()] = () if view.covariance is None else view.covariance
     return digest(
         camera_to_dict(view.camera), view.rotation, view.translation, sure, file_digest(view.image), mask

@@ -115,11 +115,10 @@ def _seeing(vertices: FloatArray, faces: IntArray, pairs: Blend, views: Sequence
         points = np.concatenate([corners, corners.mean(axis=1, keepdims=True)], axis=1).reshape(-1, 3)
         pixel = project(one, points)
         inside = one.camera.in_frame(pixel)
-        if one.mask is not None:
+        mask = one.usable
+        if mask is not None:
             at = np.rint(np.where(inside[:, None], pixel, 0)).astype(np.int64)
-            inside &= one.mask[
-                np.clip(at[:, 1], 0, one.mask.shape[0] - 1), np.clip(at[:, 0], 0, one.mask.shape[1] - 1)
-            ]
+            inside &= mask[np.clip(at[:, 1], 0, mask.shape[0] - 1), np.clip(at[:, 0], 0, mask.shape[1] - 1)]
         inside[inside] = ~caster.occluded(one.centre - origin, points[inside] - origin)
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         facing = np.einsum("nk,nk->n", normal, one.centre - corners[:, 0]) > 0

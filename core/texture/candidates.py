@@ -7,7 +7,7 @@ import numpy as np
 from ..arrays import BoolArray, Float32Array, IndexArray
 from ..settings import TextureSettings
 from .samples import PhotoSamples
-from .visibility import VisibleFaces
+from .visibility import SeenFaces
 
 EMPTY = -1
 
@@ -40,7 +40,7 @@ class CandidateTable:
         filled: BoolArray = self.view != EMPTY
         return filled
 
-    def add(self, view: int, seen: VisibleFaces, cost: Float32Array, samples: PhotoSamples) -> None:
+    def add(self, view: int, seen: SeenFaces, cost: Float32Array, samples: PhotoSamples) -> None:
         """Enter a photo where it beats the worst of the slots. Ties keep the earlier photo."""
         self._index = None
         self.seen_by[seen.face] += 1
@@ -75,7 +75,7 @@ class CandidateTable:
 
 
 def candidate_cost(
-    seen: VisibleFaces, clipped: Float32Array, priority: float, settings: TextureSettings
+    seen: SeenFaces, clipped: Float32Array, priority: float, settings: TextureSettings
 ) -> Float32Array:
     """Cost of using a photo on each face in octaves of texel size: (n,).
 

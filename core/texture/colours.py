@@ -134,7 +134,8 @@ def select_views_for_points_job(
         if len(seen):
             photo, scale = read_reduced_photo(view, settings.analysed_pixels)
             samples = sample_photo(photo, scale, seen, settings)
-            table.add(number, seen, candidate_cost(seen, samples.clipped, 0.0, settings), samples)
+            summary = seen.summary
+            table.add(number, summary, candidate_cost(summary, samples.clipped, 0.0, settings), samples)
     yield Progress(0.9, "Comparing the photos' colours")
     gain = np.ones((len(views), 3))
     if settings.equalise:
@@ -172,9 +173,10 @@ def _seen_points(
     corners = _triangles(cloud[chosen], normal[chosen], spacing)
     pixels = project(view, corners.reshape(-1, 3)).reshape(-1, 3, 2)
     inside = view.camera.in_frame(pixels).all(axis=1)
-    if view.mask is not None:
+    mask = view.usable
+    if mask is not None:
         at = np.rint(np.where(inside[:, None], pixels.mean(axis=1), 0)).astype(np.int64)
-        inside &= view.mask[at[:, 1], at[:, 0]]
+        inside &= mask[at[:, 1], at[:, 0]]
     area = triangle_areas(pixels)
     inside &= area > 0
     texel = np.sqrt(_AREA * spacing**2 / np.where(inside, area, 1.0))

@@ -36,18 +36,28 @@ def check_views(views: Sequence[View]) -> None:
             raise TextureError(f"{name}: the pose holds numbers that are not finite.")
         if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-5) or np.linalg.det(rotation) < 0:
             raise TextureError(f"{name}: the rotation is no rotation matrix (it stretches or mirrors).")
-        size = (view.camera.height, view.camera.width)
         if isinstance(view.image, np.ndarray):
             if view.image.ndim != 3 or view.image.shape[2] != 3:
                 raise PhotoError(f"{name}: a photo needs three channels; this has shape {view.image.shape}.")
             _check_size(name, view.image.shape[1], view.image.shape[0], view.camera)
         else:
             _check_size(name, *image_size(view.image), view.camera)
-        if view.mask is not None and view.mask.shape != size:
-            raise PhotoError(
-                f"{name}: the mask is {view.mask.shape[1]} x {view.mask.shape[0]} pixels, "
-                f"the photo {size[1]} x {size[0]}; both must have the same size."
-            )
+        _check_mask(name, view)
+
+
+def _check_mask(name: str, view: View) -> None:
+    """Compare a mask's size with its photo's; that of a file is read from its header."""
+    if view.mask is None:
+        return
+    if isinstance(view.mask, np.ndarray):
+        height, width = view.mask.shape
+    else:
+        width, height = image_size(view.mask)
+    if (width, height) != (view.camera.width, view.camera.height):
+        raise PhotoError(
+            f"{name}: the mask is {width} x {height} pixels, the photo {view.camera.width} x "
+            f"{view.camera.height}; both must have the same size."
+        )
 
 
 def view_name(view: View, number: int) -> str:

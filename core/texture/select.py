@@ -18,6 +18,7 @@ from .consistency import drop_foreign_job
 from .focus import FocusModel, fit_focus
 from .gains import corrected_colours, photo_gains
 from .images import check_views, view_name
+from .kept import KeptPhotos
 from .labels import label_faces_job
 from .selection import Selection
 from .surface import Mesh, Surface, surface_job
@@ -44,19 +45,21 @@ def select_views_job(
     settings: TextureSettings | None = None,
     occluders: Sequence[Mesh] = (),
     priorities: Sequence[float] | None = None,
+    kept: KeptPhotos | None = None,
 ) -> Job[Selection]:
     """Choose a photo for every face of a mesh: (V,3) m, (F,3) -> Selection.
 
     `occluders` are meshes (vertices, faces) that hide the scan but get no texture. `priorities` prefer photos
     by octaves of texel size (1: as if it were twice as fine); -inf leaves a photo out. Each photo is read
-    once. Raises TextureError for a mesh or poses that cannot be used, PhotoError for a photo that is missing,
-    damaged or of another size than its camera. Source: method.md 4, Alg. 4.
+    once, or not at all where what it contributes was `kept` by an interrupted run. Raises TextureError for a
+    mesh or poses that cannot be used, PhotoError for a photo that is missing, damaged or of another size than
+    its camera. Source: method.md 4, Alg. 4.
     """
     settings = settings or TextureSettings()
     check_views(views)
     preference = _checked_priorities(priorities, len(views))
     surface = yield from part(surface_job(vertices, faces, occluders), 0.0, 0.02)
-    survey = yield from part(survey_photos_job(surface, views, preference, settings), 0.02, 0.6)
+    survey = yield from part(survey_photos_job(surface, views, preference, settings, kept), 0.02, 0.6)
     findings = yield from part(_judge_job(surface, views, survey, settings), 0.6, 0.75)
     labels = label_faces_job(surface, survey.table, findings.colours, settings.smoothness)
     view = yield from part(labels, 0.75, 0.95)

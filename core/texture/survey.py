@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import TypeVar
 
 import numpy as np
 
-from ..arrays import FloatArray
+from ..arrays import AnyArray, FloatArray
 from ..jobs import Job, Progress
 from ..photos.view import View
 from ..settings import TextureSettings
@@ -17,23 +17,48 @@ from .agreement import Preview
 from .candidates import CandidateTable, candidate_cost
 from .focus import PatchDetail, no_detail, patch_detail
 from .images import read_reduced_photo, view_name
+from .kept import KeptPhotos
+from .memory import plan_memory
 from .samples import PhotoSamples, sample_photo
 from .surface import Surface
-from .visibility import VisibleFaces, visible_faces
+from .visibility import SeenFaces, visible_faces
 
+_Part = TypeVar("_Part", SeenFaces, PhotoSamples, PatchDetail)
 _PATCHES = 32_000
 """Upper bound of the patches on which sharpness is compared."""
 
 
 @dataclass(frozen=True, eq=False)
 class PhotoSurvey:
-    """What one photo contributes: its faces, their samples and detail, and a reduced picture of it."""
+    """What one photo contributes: its faces, their samples and detail, and a reduced picture of it.
 
-    seen: VisibleFaces
+    `scale` is the one at which the photo was analysed.
+    """
+
+    seen: SeenFaces
     samples: PhotoSamples
     detail: PatchDetail
     preview: Preview
     scale: float
+
+    def to_arrays(self) -> dict[str, AnyArray]:
+        """Everything as named arrays, to be kept in a file."""
+        parts = (self.seen, self.samples, self.detail, self.preview)
+        named = {
+            f"{type(p).__name__}.{f.name}": np.asarray(getattr(p, f.name)) for p in parts for f in fields(p)
+        }
+        return named | {"scale": np.array(self.scale)}
+
+    @classmethod
+    def from_arrays(cls, saved: dict[str, AnyArray]) -> PhotoSurvey:
+        """Undo `to_arrays`."""
+        preview = Preview(saved["Preview.grey"], float(saved["Preview.scale"]))
+
+        def part(kind: type[_Part]) -> _Part:
+            return kind(**{f.name: saved[f"{kind.__name__}.{f.name}"] for f in fields(kind)})
+
+        seen, samples, detail = part(SeenFaces), part(PhotoSamples), part(PatchDetail)
+        return cls(seen, samples, detail, preview, float(saved["scale"]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,20 +75,28 @@ class Survey:
 
 
 def survey_photos_job(
-    surface: Surface, views: Sequence[View], priorities: Sequence[float], settings: TextureSettings
+    surface: Surface,
+    views: Sequence[View],
+    priorities: Sequence[float],
+    settings: TextureSettings,
+    kept: KeptPhotos | None = None,
 ) -> Job[Survey]:
-    """Look at every photo once, a few at a time; -> Survey. Raises PhotoError."""
-    table = CandidateTable(surface.face_count, min(settings.max_candidates, len(views)))
-    nothing = no_detail()
-    details: list[PatchDetail] = [nothing] * len(views)
+    """Look at every photo once, a few at a time; -> Survey.
+
+    What is `kept` of a photo is taken over; the others are kept as soon as they have been looked at. Raises
+    PhotoError for a photo that cannot be read, TextureError when the memory allowed is not enough.
+    """
+    kept = kept or KeptPhotos()
+    plan = plan_memory(surface.face_count, views, settings)
+    table = CandidateTable(surface.face_count, plan.candidates)
+    details: list[PatchDetail] = [no_detail()] * len(views)
     previews: list[Preview | None] = [None] * len(views)
     scales = np.ones(len(views))
     used = [number for number in range(len(views)) if priorities[number] > -np.inf]
-    workers = settings.threads or min(os.cpu_count() or 1, 8)
-    for start in range(0, len(used), workers):
-        batch = used[start : start + workers]
+    for start in range(0, len(used), plan.photos_together):
+        batch = used[start : start + plan.photos_together]
         yield Progress(start / len(used), f"Looking at {view_name(views[batch[0]], batch[0])}")
-        for number, one in zip(batch, _survey_batch(surface, views, batch, settings), strict=True):
+        for number, one in zip(batch, _survey_batch(surface, views, batch, settings, kept), strict=True):
             if one is None:
                 continue
             cost = candidate_cost(one.seen, one.samples.clipped, priorities[number], settings)
@@ -73,23 +106,37 @@ def survey_photos_job(
 
 
 def _survey_batch(
-    surface: Surface, views: Sequence[View], batch: Sequence[int], settings: TextureSettings
+    surface: Surface,
+    views: Sequence[View],
+    batch: Sequence[int],
+    settings: TextureSettings,
+    kept: KeptPhotos,
 ) -> list[PhotoSurvey | None]:
-    """Survey a few photos in parallel; decoding and OpenCV run beside numpy."""
+    """Survey a few photos in parallel: decoding, OpenCV, rays and most of numpy run beside one another."""
+
+    def look(number: int) -> PhotoSurvey | None:
+        saved = kept.load(number)
+        if saved is not None:
+            return PhotoSurvey.from_arrays(saved) if saved else None
+        found = survey_photo(surface, views[number], settings)
+        kept.save(number, found.to_arrays() if found is not None else {})
+        return found
+
     if len(batch) == 1:
-        return [_survey_photo(surface, views[batch[0]], settings)]
+        return [look(batch[0])]
     with ThreadPoolExecutor(len(batch)) as pool:
-        return list(pool.map(lambda number: _survey_photo(surface, views[number], settings), batch))
+        return list(pool.map(look, batch))
 
 
-def _survey_photo(surface: Surface, view: View, settings: TextureSettings) -> PhotoSurvey | None:
+def survey_photo(surface: Surface, view: View, settings: TextureSettings) -> PhotoSurvey | None:
+    """Look at one photo; None when it sees no face. Raises PhotoError."""
     seen = visible_faces(surface, view, settings)
     if len(seen) == 0:
         return None
     photo, scale = read_reduced_photo(view, settings.analysed_pixels)
     patch_size = max(1, -(-surface.face_count // _PATCHES))
     return PhotoSurvey(
-        seen,
+        seen.summary,
         sample_photo(photo, scale, seen, settings),
         patch_detail(photo, scale, seen, patch_size),
         Preview.of_photo(photo, scale),

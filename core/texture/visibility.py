@@ -21,6 +21,23 @@ _EXTRA_POINTS = np.array(
 
 
 @dataclass(frozen=True, eq=False)
+class SeenFaces:
+    """What is kept of the n faces that a photo sees: see `VisibleFaces`; `centre` (n,2) pixels.
+
+    Single precision: pixels of a photo are kept to a thousandth.
+    """
+
+    face: IntArray
+    centre: Float32Array
+    share: Float32Array
+    texel: Float32Array
+    cosine: Float32Array
+
+    def __len__(self) -> int:
+        return len(self.face)
+
+
+@dataclass(frozen=True, eq=False)
 class VisibleFaces:
     """The n faces of a surface that a photo sees.
 
@@ -45,6 +62,13 @@ class VisibleFaces:
         mean: FloatArray = (self.uv[:, 0] + self.uv[:, 1] + self.uv[:, 2]) / 3
         return mean
 
+    @property
+    def summary(self) -> SeenFaces:
+        """What is kept when the photo is closed."""
+        return SeenFaces(
+            self.face.astype(np.int32), self.centre.astype(np.float32), self.share, self.texel, self.cosine
+        )
+
     def subset(self, keep: IndexArray | BoolArray) -> VisibleFaces:
         """The chosen ones only."""
         return VisibleFaces(
@@ -64,8 +88,9 @@ def visible_faces(surface: Surface, view: View, settings: TextureSettings) -> Vi
     """
     seen = _in_front(surface, view, settings)
     seen = _in_frame(surface, view, seen)
-    if view.mask is not None:
-        seen = seen.subset(_in_mask(seen.uv, view.mask))
+    mask = view.usable if len(seen) else None
+    if mask is not None:
+        seen = seen.subset(_in_mask(seen.uv, mask))
     return _unhidden(surface, view, seen, settings)
 
 

@@ -31,9 +31,10 @@ def read_view(view: View, scale: float = 1.0) -> ByteArray:
 
 def read_view_mask(view: View, scale: float) -> BoolArray | None:
     """The view's mask reduced by `scale`; a reduced pixel is usable when all of it is."""
-    if view.mask is None:
+    mask = view.usable
+    if mask is None:
         return None
-    small = _reduced(np.where(view.mask, 255, 0).astype(np.uint8), scale)
+    small = _reduced(np.where(mask, 255, 0).astype(np.uint8), scale)
     usable: BoolArray = small > 250
     return usable
 

@@ -12,6 +12,7 @@ from fresco.core.photos import read_image
 from fresco.core.project import poses as pose_stage
 from fresco.core.project.load import load_project
 from fresco.core.project.run import check_inputs_job, run_project, run_project_job
+from fresco.core.texture import survey
 from fresco.core.texture.quality import psnr
 from fresco.core.texture.render import render_view
 
@@ -152,13 +153,33 @@ def test_interrupted_run_keeps_what_was_finished(corner, monkeypatch):
     assert len(solved) == 4  # the second photo was interrupted and is solved again
 
 
+def test_an_interrupted_texture_goes_on_at_the_next_photo(corner, monkeypatch):
+    path, _ = corner()
+    edit(path, "[output]", "[texture]\nthreads = 1\n[output]")
+    looked_at = []
+    original = survey.survey_photo
+    monkeypatch.setattr(
+        survey, "survey_photo", lambda *given: looked_at.append(given[1].name) or original(*given)
+    )
+    job = run_project_job(load_project(path))
+    while len(looked_at) < 2:
+        next(job)
+    job.close()
+    assert len(list((path.parent / "out" / "cache" / "photos").iterdir())) == 2
+    result = run(path)
+    assert looked_at == ["A", "B", "C"]
+    assert result.textured.coverage > 0.75
+    assert not (path.parent / "out" / "cache" / "photos").exists()
+
+
 def test_stopping_at_any_step_leaves_nothing_half_written(corner):
     path, _ = corner()
     for stop in (0.01, 0.1, 0.3, 0.6, 0.85, 0.93):
         job = run_project_job(load_project(path))
         next(progress for progress in job if progress.fraction >= stop)
         job.close()
-        left = {file.name for file in (path.parent / "out").rglob("*") if file.is_file()}
+        files = {file.name for file in (path.parent / "out").rglob("*") if file.is_file()}
+        left = {name for name in files if not name.endswith(".photo.npz")}
         assert left <= {"pose A.json", "pose B.json", "pose C.json", "texture.npz"}
     assert run(path).textured.coverage > 0.75
 
@@ -334,9 +355,7 @@ def test_full_disk_keeps_finished_work_and_leaves_no_halves(corner, monkeypatch)
 
     with monkeypatch.context() as patch:
         patch.setattr("fresco.core.project.store.np.savez", full)
-        with pytest.raises(
-            OutputError, match=r"texture\.npz: cannot be written: the disk is full; free some space"
-        ):
+        with pytest.raises(OutputError, match=r"\.npz: cannot be written: the disk is full; free some space"):
             run(path)
     assert not list((path.parent / "out").glob("**/*.part"))
     assert not (path.parent / "out" / "cache" / "texture.npz").exists()
