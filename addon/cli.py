@@ -22,6 +22,7 @@ from ..core.project import (
     run_project_job,
 )
 from ..core.project.provenance import fresco_version
+from . import cameras
 
 DONE, FAILED, WRONG_PROJECT = 0, 1, 2
 _BLENDER_MISSING = (
@@ -54,7 +55,7 @@ def run_command(arguments: Sequence[str], start_blender: Callable[[], None]) -> 
         options = _parser().parse_args(list(arguments))
     except SystemExit as stop:
         return int(stop.code or 0)
-    return run(Path(options.project), start_blender)
+    return int(options.act(options, start_blender))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -63,17 +64,28 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     run_parser = commands.add_parser("run", help="solve and texture a project, write what it asks for")
     run_parser.add_argument("project", help="project file (.toml)")
+    run_parser.set_defaults(act=lambda options, start: run(Path(options.project), start))
+    cameras.add_parser(commands)
     return parser
 
 
 def run(path: Path, start_blender: Callable[[], None]) -> int:
     """Run a project file from its inputs to its outputs; see `run_command` for the exit code."""
     printer = ProgressPrinter()
-    try:
+
+    def work() -> None:
         project = load_project(path)
         printer.show(Progress(0.0, "Starting Blender"))
         start_blender()
-        result = drain(run_job(project), printer.show)
+        printer.end(drain(run_job(project), printer.show))
+
+    return told(work)
+
+
+def told(work: Callable[[], None]) -> int:
+    """Do some work; say on one line what went wrong, and return the exit code."""
+    try:
+        work()
     except ProjectError as error:
         return _stop(str(error), WRONG_PROJECT)
     except FrescoError as error:
@@ -82,7 +94,6 @@ def run(path: Path, start_blender: Callable[[], None]) -> int:
         return _stop("There is not enough memory for this project.", FAILED)
     except KeyboardInterrupt:
         return _stop("Stopped.", FAILED)
-    printer.end(result)
     return DONE
 
 

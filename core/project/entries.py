@@ -13,6 +13,7 @@ from typing import Literal
 from ..arrays import FloatArray
 from ..photos.photo import Photo
 from ..settings import PoseSettings, ScanSettings, TextureSettings
+from .imported import ImportedCameras
 from .refinement import RefineSettings
 
 Use = Literal["texture", "pose", "none"]
@@ -62,18 +63,23 @@ class RegionEntries:
 class PhotoEntry:
     """A photo of the project; a given `pose` (rotation (3,3), translation (3,)) is not solved again.
 
-    `refine` tells whether its pose may be moved by refinement; others are tied to one that may not.
+    `imported` is its pose in the world of the program that its camera was imported from. `refine` tells
+    whether its pose may be moved by refinement; others are tied to one that may not.
     """
 
     photo: Photo
     use: Use = "texture"
     pose: tuple[FloatArray, FloatArray] | None = None
     refine: bool = True
+    imported: tuple[FloatArray, FloatArray] | None = None
 
 
 @dataclass(frozen=True)
 class OutputEntry:
-    """What is written, and where; `name` begins the name of every file."""
+    """What is written, and where; `name` begins the name of every file.
+
+    `cameras` are the formats of other programs that the solved cameras are written in.
+    """
 
     folder: Path
     name: str
@@ -81,6 +87,7 @@ class OutputEntry:
     glb: bool = True
     obj: bool = True
     report: bool = True
+    cameras: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,3 +103,4 @@ class Project:
     refine: RefineSettings
     texture: TextureSettings
     output: OutputEntry
+    cameras: ImportedCameras | None = None

@@ -13,6 +13,7 @@ from ..errors import ProjectError
 from ..scans.read import READERS
 from ..settings import EdgeSettings, JointSettings, PoseSettings, ScanSettings, TextureSettings
 from .entries import LabelSource, OutputEntry, Project, RegionEntries, ScanEntry
+from .exported import FORMATS
 from .photos import read_photos
 from .refinement import RefineSettings
 from .settings import read_settings
@@ -36,16 +37,18 @@ def load_project(path: Path | str) -> Project:
     if version != VERSION:
         root.fail("fresco", f"has to be {VERSION}, the version of the file format")
     pose = root.table("pose")
+    photos, cameras = read_photos(root)
     project = Project(
         path=path,
         scan=_scan(root.table("scan", required=True)),
         regions=_regions(root),
-        photos=read_photos(root),
+        photos=photos,
         up=_up(pose),
         pose=_settings(pose, PoseSettings),
         refine=_refine(root.table("refine")),
         texture=_settings(root.table("texture"), TextureSettings),
         output=_output(root.table("output"), path),
+        cameras=cameras,
     )
     root.finish()
     return project
@@ -180,5 +183,6 @@ def _output(table: Table, path: Path) -> OutputEntry:
     if any(sign in name for sign in '/\\:*?"<>|'):
         table.fail("name", f"“{name}” cannot be part of a file name on every system")
     wanted = {key: table.flag(key, True) for key in ("blend", "glb", "obj", "report")}
+    formats = table.words("cameras", FORMATS)
     table.finish()
-    return OutputEntry(folder, name, **wanted)
+    return OutputEntry(folder, name, **wanted, cameras=formats)

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..arrays import FloatArray
 from ..cameras import Camera
+from ..cameras.exchange import PosedCamera
 from ..errors import CameraError, FrescoError, RegionError
 from ..photos.exif import read_exif
 from ..photos.image import SUFFIXES, image_size
@@ -19,6 +20,8 @@ from ..photos.marks import RegionMark, read_polygons
 from ..photos.photo import Photo
 from .cameras import CameraEntry, check_one_size
 from .entries import PhotoEntry, Use
+from .imported import ImportedCameras, match_photos
+from .importing import read_imported
 from .table import Table, hint
 
 T = TypeVar("T")
@@ -36,8 +39,8 @@ class _Draft:
     sources: dict[str, Table]
 
 
-def read_photos(project: Table) -> tuple[PhotoEntry, ...]:
-    """Read all [[photo]] and [[camera]] tables.
+def read_photos(project: Table) -> tuple[tuple[PhotoEntry, ...], ImportedCameras | None]:
+    """Read all [[photo]] and [[camera]] tables, and the cameras that [cameras] imports.
 
     Files and sizes are checked, pixels are not read. Raises ProjectError.
     """
@@ -46,13 +49,16 @@ def read_photos(project: Table) -> tuple[PhotoEntry, ...]:
     if not drafts:
         project.fail("photo", "is missing; name the photos with [[photo]] path = …")
     sizes = {draft.path: _told(draft, image_size, draft.path) for draft in drafts}
-    _check_sizes(drafts, cameras, sizes)
-    found = [(draft, _entry(draft, cameras, sizes[draft.path])) for draft in drafts]
+    imported = read_imported(project.table("cameras"), [draft.path for draft in drafts])
+    posed = match_photos(imported.reconstruction, [d.path for d in drafts]) if imported else {}
+    by_path = {drafts[number].path: camera for number, camera in posed.items()}
+    _check_sizes([draft for draft in drafts if draft.path not in by_path], cameras, sizes)
+    found = [(d, _entry(d, cameras, sizes[d.path], by_path.get(d.path))) for d in drafts]
     entries = [(draft, entry) for draft, entry in found if entry is not None]
     if not entries:
         project.fail("photo", 'all photos have use = "none"; leave at least one in, with use = "texture"')
     _check_marks_found(entries)
-    return tuple(entry for _, entry in entries)
+    return tuple(entry for _, entry in entries), imported
 
 
 def _check_marks_found(entries: Sequence[tuple[_Draft, PhotoEntry]]) -> None:
@@ -143,7 +149,12 @@ def _check_sizes(
         check_one_size(cameras[name], found)
 
 
-def _entry(draft: _Draft, cameras: Mapping[str, CameraEntry], size: tuple[int, int]) -> PhotoEntry | None:
+def _entry(
+    draft: _Draft,
+    cameras: Mapping[str, CameraEntry],
+    size: tuple[int, int],
+    posed: PosedCamera | None,
+) -> PhotoEntry | None:
     sources = draft.sources
     use: Any = sources["use"].choice("use", _USES, "texture") if "use" in sources else "texture"
     if use == "none":
@@ -151,14 +162,20 @@ def _entry(draft: _Draft, cameras: Mapping[str, CameraEntry], size: tuple[int, i
     pose = _pose(sources["pose"].table("pose")) if "pose" in sources else None
     # a pose that was given is right unless its photo says that it may be moved
     refine = sources["refine"].flag("refine", True) if "refine" in sources else pose is None
-    return PhotoEntry(_photo(draft, cameras, size), use, pose, refine)
+    elsewhere = (posed.rotation, posed.translation) if posed is not None and pose is None else None
+    return PhotoEntry(_photo(draft, cameras, size, posed), use, pose, refine, elsewhere)
 
 
-def _photo(draft: _Draft, cameras: Mapping[str, CameraEntry], size: tuple[int, int]) -> Photo:
+def _photo(
+    draft: _Draft, cameras: Mapping[str, CameraEntry], size: tuple[int, int], posed: PosedCamera | None
+) -> Photo:
     exif = read_exif(draft.path)
-    entry = _camera_of(draft, cameras)
+    # a camera that the photo names wins over the imported one
+    entry = _camera_of(draft, cameras) if posed is None or "camera" in draft.sources else None
     camera: Camera
-    if entry is None:
+    if entry is None and posed is not None:
+        camera, note = posed.camera, "Camera imported from another program."
+    elif entry is None:
         camera, note = _told(draft, camera_from_exif, exif, *size)
     else:
         camera, note = entry.make(*size, exif)

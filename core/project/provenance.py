@@ -119,6 +119,7 @@ def local_translation(rotation: FloatArray, translation: FloatArray, offset: Flo
 def _photo(entry: PhotoEntry, result: PhotoPose, scan: Scan, textured: TexturedScan) -> dict[str, Any]:
     out: dict[str, Any] = {
         "name": entry.photo.name,
+        "file": entry.photo.path.name,
         "use": entry.use,
         "camera": camera_to_dict(entry.photo.camera),
         "notes": [*entry.photo.notes, *result.notes],

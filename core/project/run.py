@@ -25,7 +25,9 @@ from ..settings import ScanSettings
 from ..texture import write_obj_job
 from .digest import file_digest
 from .entries import PhotoEntry, Project
+from .exported import cameras_path, solved_cameras, write_cameras
 from .photo_pose import PhotoPose
+from .placing import place_cameras
 from .poses import solve_poses_job
 from .provenance import local_translation, provenance, write_photo_per_face, write_provenance
 from .refinement import RefineSettings, refine_poses_job, view_of
@@ -91,6 +93,9 @@ def run_project_job(project: Project) -> Job[ProjectResult]:
     textured = yield from part(_timed(texture_job, clock, "texture"), 0.55, 0.9)
     if project.output.obj:
         yield from part(_timed(_obj_job(project, scan, textured), clock, "obj"), 0.9, 1.0)
+    for file_format in project.output.cameras:
+        path = cameras_path(project.output.folder, project.output.name, file_format)
+        write_cameras(path, solved_cameras([e.photo for e in project.photos], poses, scan), file_format)
     record = provenance(project, digests, scan, poses, textured, clock)
     write_photo_per_face(output_path(project, "_faces.npz"), scan, textured)
     write_provenance(output_path(project, "_provenance.json"), record)
@@ -134,7 +139,7 @@ def check_inputs_job(project: Project) -> Job[dict[Path, str]]:
     Returns the fingerprint of every file. Raises ProjectError.
     """
     digests: dict[Path, str] = {}
-    others = [project.path, project.scan.path, *project.scan.occluders]
+    others = [project.path, project.scan.path, *project.scan.occluders, *_camera_files(project)]
     for path in [*others, *(source.path for source in project.regions.labels)]:
         yield Progress(0.0, f"Checking {path.name}")
         digests[path] = _told(project, "scan", file_digest, path)
@@ -146,6 +151,15 @@ def check_inputs_job(project: Project) -> Job[dict[Path, str]]:
         for path in _check_masks(project, entry):
             digests[path] = file_digest(path)
     return digests
+
+
+def _camera_files(project: Project) -> list[Path]:
+    """Files that cameras were imported from."""
+    if project.cameras is None:
+        return []
+    path = project.cameras.path
+    files = [path] if path.is_file() else sorted(file for file in path.iterdir() if file.is_file())
+    return [*files, *(project.cameras.points or ())]
 
 
 def _check_masks(project: Project, entry: PhotoEntry) -> list[Path]:
@@ -190,10 +204,18 @@ def _pose_job(
     project: Project, scan: Scan, surfaces: dict[str, SurfaceRegion], store: Store
 ) -> Job[list[PhotoPose]]:
     """Pose of every photo, given or solved. Raises PoseNotFound when no photo has one."""
-    unknown = [entry.photo for entry in project.photos if entry.pose is None]
+    by_poses = project.cameras is not None and project.cameras.placing == "poses"
+    unknown = [
+        entry.photo
+        for entry in project.photos
+        if entry.pose is None and (entry.imported is None or (by_poses and entry.photo.regions))
+    ]
     solved: list[PhotoPose] = yield from solve_poses_job(unknown, surfaces, project.pose, project.up, store)
     by_name = {result.photo: result for result in solved}
-    poses = [by_name.get(entry.photo.name) or _given(entry, scan) for entry in project.photos]
+    by_name |= {entry.photo.name: _given(entry, scan) for entry in project.photos if entry.pose is not None}
+    if project.cameras is not None:
+        by_name |= place_cameras(project.cameras, project.photos, by_name, scan)
+    poses = [by_name[entry.photo.name] for entry in project.photos]
     if not any(pose.solved for pose in poses):
         reasons = "\n".join(" ".join([f"{pose.photo}: {pose.failure}", *pose.notes]) for pose in poses[:5])
         raise PoseNotFound(f"None of the {len(poses)} photos found its place.\n{reasons}")

@@ -71,6 +71,16 @@ class Table:
             self.fail(key, f"has to be one of {', '.join(known)}, not “{value}”{hint(value, known)}")
         return value
 
+    def words(self, key: str, options: Iterable[str]) -> tuple[str, ...]:
+        """Return a list of words that are all known; empty when it is not there."""
+        values, known = self.get(key, []), list(options)
+        if not isinstance(values, list):
+            self.fail(key, f"has to be a list of {', '.join(known)}, not {described(values)}")
+        for value in values:
+            if value not in known:
+                self.fail(key, f"knows {', '.join(known)}, not {described(value)}{hint(str(value), known)}")
+        return tuple(values)
+
     def number(
         self, key: str, low: float = -math.inf, high: float = math.inf, default: float | None = None
     ) -> float:
@@ -119,6 +129,13 @@ class Table:
     def resolve(self, name: str) -> Path:
         """Path named relative to the project file."""
         return self.file.parent / Path(name)
+
+    def existing_any(self, key: str) -> Path:
+        """Return a file or folder that has to exist."""
+        path = self.resolve(self.text(key))
+        if not path.exists():
+            self.fail(key, f"there is no file or folder {path}")
+        return path
 
     def table(self, key: str, required: bool = False) -> Table:
         """Sub-table, empty when it is not there."""

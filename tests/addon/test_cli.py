@@ -194,3 +194,25 @@ def test_a_disk_that_takes_no_more_leaves_nothing_half_written(project, tmp_path
 def test_blenders_own_command_takes_the_same_arguments(extension, module, project, capsys):
     assert module("addon.cli").blender_command(["run", "/nowhere/x.toml"]) == 2
     assert "no such project file" in capsys.readouterr().err
+
+
+def test_cameras_go_into_a_project_and_out_of_it(extension, project, tmp_path, folder):
+    path = project()
+    done = fresco("cameras", "export", path, tmp_path / "sparse", block_bpy=True)
+    assert done.returncode == 1 and "run the project first" in done.stderr
+    assert fresco("run", path).returncode == 0
+    done = fresco("cameras", "export", path, tmp_path / "sparse", block_bpy=True)
+    assert done.returncode == 0, done.stderr
+    assert "3 cameras written" in done.stdout and (tmp_path / "sparse" / "images.txt").exists()
+    before = path.read_text(encoding="utf-8")
+    done = fresco("cameras", "import", path, tmp_path / "nothing", block_bpy=True)
+    assert done.returncode == 2 and "there is no file or folder" in done.stderr
+    assert path.read_text(encoding="utf-8") == before
+    done = fresco("cameras", "import", path, tmp_path / "sparse", block_bpy=True)
+    assert done.returncode == 0, done.stderr
+    assert "3 of 3 photos take their cameras from" in done.stdout
+    assert path.read_text(encoding="utf-8").startswith(before.rstrip())
+    done = fresco("cameras", "import", path, tmp_path / "sparse", block_bpy=True)
+    assert done.returncode == 2 and "is there already" in done.stderr
+    done = fresco("run", path)
+    assert done.returncode == 0 and done.stdout.count("pose given") == 3
