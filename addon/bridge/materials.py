@@ -80,6 +80,13 @@ def write_gain(material: bpy.types.Material, gain: FloatArray) -> None:
         _color_input(node, "B").default_value = (*(float(factor) for factor in gain), 1.0)
 
 
+def write_repeating(material: bpy.types.Material, repeats: bool) -> None:
+    """Let a photo's picture go on at its other side beyond the frame, or end there."""
+    for node in material.node_tree.nodes:
+        if node.type == "TEX_IMAGE":
+            node.extension = "REPEAT" if repeats else "EXTEND"
+
+
 def unseen_material() -> bpy.types.Material:
     """Return the neutral material of faces that no photo sees; it shines like the photos' own."""
     existing = bpy.data.materials.get(UNSEEN_NAME)

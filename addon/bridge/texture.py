@@ -12,6 +12,7 @@ from ...core.arrays import FloatArray, IntArray
 from ...core.errors import TextureError
 from ...core.project import TexturedScan
 from ...core.texture import Selection
+from ...core.texture.images import full_turn
 from ..properties import FrescoPhoto
 from . import materials, meshes
 from .photos import read_camera, read_view
@@ -81,6 +82,8 @@ def write_slots(mesh: bpy.types.Mesh, selection: Selection, photos: list[FrescoP
         photo = photos[number]
         photo.material = materials.photo_material(photo.name, photo.image, photo.material)
         materials.write_gain(photo.material, selection.gain[number])
+        # Faces across a panorama's seam go on beyond its frame.
+        materials.write_repeating(photo.material, full_turn(read_camera(photo)) > 0)
         slots[number] = len(mesh.materials)
         mesh.materials.append(photo.material)
     return slots

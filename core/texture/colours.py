@@ -19,6 +19,7 @@ from .consistency import drop_foreign_job
 from .gains import corrected_colours, photo_gains
 from .images import (
     check_views,
+    full_turn,
     read_photo,
     read_reduced_photo,
     sample_image,
@@ -60,7 +61,9 @@ def colour_vertices_job(
         yield Progress(number / len(views), f"Reading {view_name(views[number], number)}")
         photo = read_photo(views[number], number)
         chosen = np.flatnonzero(selection.view == number)
-        linear = to_linear(sample_image(photo, selection.uv[chosen].reshape(-1, 2))) * selection.gain[number]
+        wraps = full_turn(views[number].camera) > 0
+        colours = sample_image(photo, selection.uv[chosen].reshape(-1, 2), wraps)
+        linear = to_linear(colours) * selection.gain[number]
         if levels is not None:
             linear = linear * levels.factor[chosen].reshape(-1, 3)
         corner, share = triangles[chosen].ravel(), np.repeat(area[chosen] + 1e-12, 3)

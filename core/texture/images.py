@@ -10,6 +10,7 @@ import numpy as np
 
 from ..arrays import AnyArray, ArrayLike, ByteArray, Float32Array, FloatArray
 from ..cameras.base import Camera
+from ..cameras.equirectangular import EquirectangularCamera
 from ..errors import PhotoError, TextureError
 from ..photos.image import image_size, read_deep_image, read_image
 from ..photos.view import View
@@ -105,12 +106,25 @@ def _check_size(name: str, width: int, height: int, camera: Camera) -> None:
         )
 
 
-def sample_image(image: AnyArray, pixels: ArrayLike) -> AnyArray:
+def full_turn(camera: Camera) -> float:
+    """Pixels after which a photo repeats, for a panorama whose sides meet; 0 for any other photo."""
+    if isinstance(camera, EquirectangularCamera) and abs(camera.turn - camera.width) < 0.5:
+        return camera.turn
+    return 0.0
+
+
+def sample_image(image: AnyArray, pixels: ArrayLike, wraps: bool = False) -> AnyArray:
     """Bilinear values at pixels, clamped to the frame: (H,W) or (H,W,C), (N,2) -> (N,) or (N,C).
 
-    The values keep the image's type; OpenCV interpolates in steps of 1/32 pixel.
+    The values keep the image's type; OpenCV interpolates in steps of 1/32 pixel. An image that `wraps` goes
+    on at its other side (see `full_turn`).
     """
     at = np.asarray(pixels, dtype=np.float32)
+    if wraps:
+        at = np.asarray(pixels, dtype=np.float64)
+        width, height = image.shape[1], image.shape[0]
+        at = np.stack([np.mod(at[..., 0], width), np.clip(at[..., 1], 0, height - 1)], axis=-1)
+        image, at = np.concatenate([image, image[:, :1]], axis=1), at.astype(np.float32)
     count = len(at)
     if count == 0:
         return np.zeros((0, *image.shape[2:]), dtype=image.dtype)

@@ -124,6 +124,10 @@ def _shared_uv(faces: IntArray, selection: Selection, views: Sequence[View]) -> 
     seen = np.flatnonzero(selection.view >= 0)
     vertex_count = int(faces.max()) + 1
     key = selection.view[seen, None].astype(np.int64) * vertex_count + faces[seen]
+    # A vertex beside a panorama's seam lies at its left side for some faces, at its right for others.
+    width = np.array([view.camera.width for view in views])[selection.view[seen]]
+    turn = np.floor((selection.uv[seen, :, 0] + 0.5) / width[:, None]).astype(np.int64)
+    key = key * 3 + np.clip(turn, -1, 1) + 1
     _, first, index = np.unique(key, return_index=True, return_inverse=True)
     size = np.array([(view.camera.width, view.camera.height) for view in views], dtype=np.float64)
     pixel = selection.uv[seen].reshape(-1, 2)[first]

@@ -20,7 +20,7 @@ from ..geometry.rays import RayCaster
 from ..geometry.rigid import camera_centre
 from ..jobs import Job, Progress, drain, part
 from ..photos.view import View
-from .images import read_photo, to_bytes, to_linear, to_srgb, view_name
+from .images import full_turn, read_photo, to_bytes, to_linear, to_srgb, view_name
 
 BACKGROUND = (236, 236, 238)
 _RAYS_PER_STEP = 1 << 17
@@ -147,6 +147,9 @@ def shade_textured_job(
         photo = read_photo(views[index], index)
         pixels = pixel_view == index
         uv = np.einsum("nk,nkc->nc", hits.weights[pixels], textured.uv[hits.face[pixels]])
+        turn = full_turn(views[index].camera)
+        if turn > 0:  # faces across a panorama's seam go on beyond the frame
+            photo, uv[:, 0] = np.concatenate([photo, photo[:, :1]], axis=1), np.mod(uv[:, 0], turn)
         colours = sample_bilinear(photo, uv)
         image[pixels] = apply_gain(colours, textured.gain[index]) if gains else np.rint(colours)
     return Rendering(image, pixel_view >= 0)

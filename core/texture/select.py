@@ -23,7 +23,7 @@ from .labels import label_faces_job
 from .selection import Selection
 from .surface import Mesh, Surface, surface_job
 from .survey import Survey, survey_photos_job
-from .visibility import project, triangle_areas
+from .visibility import face_pixels, triangle_areas
 
 
 def select_views(
@@ -150,8 +150,8 @@ def _finish_job(
             continue
         yield Progress(number / len(views), "Laying the faces into the photos")
         caller = surface.order[chosen]
-        corners = surface.vertices[surface.faces[chosen]].reshape(-1, 3)
-        uv[caller] = project(one, corners + surface.origin).reshape(-1, 3, 2)
+        corners = surface.vertices[surface.faces[chosen]]
+        uv[caller] = face_pixels(one, corners + surface.origin)
         texel[caller] = np.sqrt(surface.area[chosen] / triangle_areas(uv[caller]))
         distance = _distance(surface, one, chosen)
         towards = (one.centre - surface.origin).astype(np.float32) - surface.centroid[chosen]

@@ -8,9 +8,11 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import BoolArray, Float32Array, FloatArray, IndexArray, IntArray
+from ..cameras.base import Camera
 from ..photos.view import View
 from ..settings import TextureSettings
 from .frustum import blocks_in_view, faces_of_blocks
+from .images import full_turn
 from .surface import Surface
 
 _EXTRA_POINTS = np.array(
@@ -90,7 +92,7 @@ def visible_faces(surface: Surface, view: View, settings: TextureSettings) -> Vi
     seen = _in_frame(surface, view, seen)
     mask = view.usable if len(seen) else None
     if mask is not None:
-        seen = seen.subset(_in_mask(seen.uv, mask))
+        seen = seen.subset(_in_mask(seen.uv, mask, full_turn(view.camera) > 0))
     return _unhidden(surface, view, seen, settings)
 
 
@@ -120,25 +122,25 @@ def _in_frame(surface: Surface, view: View, seen: VisibleFaces) -> VisibleFaces:
     inside = np.zeros(len(used), dtype=np.bool_)
     inside[vertex] = view.camera.in_frame(pixels[vertex])
     keep = np.flatnonzero(_at_corners(inside, corners, np.logical_and))
-    uv = pixels[corners[keep]]
+    uv, whole = laid_out(view.camera, pixels[corners[keep]])
     area = triangle_areas(uv)
     seen = seen.subset(keep)
     with np.errstate(divide="ignore"):
         texel = np.sqrt(surface.area[seen.face] / area).astype(np.float32)
-    # An edge across half the frame belongs to a face that straddles a panorama's seam.
-    a, b, c = uv[:, 0, 0], uv[:, 1, 0], uv[:, 2, 0]
-    half = 0.5 * view.camera.width
-    valid = (np.abs(a - b) < half) & (np.abs(b - c) < half) & (np.abs(c - a) < half)
-    valid &= (area > 0) & (surface.area[seen.face] > 0)
+    valid = whole & (area > 0) & (surface.area[seen.face] > 0)
     framed = VisibleFaces(seen.face, uv, seen.share, texel, seen.cosine, seen.distance)
     return framed if valid.all() else framed.subset(valid)
 
 
-def _in_mask(uv: FloatArray, mask: BoolArray) -> BoolArray:
-    """Whether corners and centre of each face lie in the usable area: (n,3,2), (H,W) -> (n,)."""
+def _in_mask(uv: FloatArray, mask: BoolArray, wraps: bool) -> BoolArray:
+    """Whether corners and centre of each face lie in the usable area: (n,3,2), (H,W) -> (n,).
+
+    The mask of a photo that `wraps` goes on at its other side.
+    """
     points = np.concatenate([uv, uv.mean(axis=1, keepdims=True)], axis=1)
     height, width = mask.shape
-    column = np.clip(np.rint(points[..., 0]).astype(np.int64), 0, width - 1)
+    column = np.rint(points[..., 0]).astype(np.int64)
+    column = column % width if wraps else np.clip(column, 0, width - 1)
     row = np.clip(np.rint(points[..., 1]).astype(np.int64), 0, height - 1)
     inside: BoolArray = mask[row, column].all(axis=1)
     return inside
@@ -185,6 +187,27 @@ def project(view: View, points: FloatArray) -> FloatArray:
     """Pixels of world points in a view: (N,3) m -> (N,2), NaN where the camera does not see them."""
     # Subtracting the centre first keeps the digits of coordinates in the millions.
     return view.camera.project((points - view.centre) @ np.asarray(view.rotation, dtype=np.float64).T)
+
+
+def face_pixels(view: View, corners: FloatArray) -> FloatArray:
+    """Pixels of faces' corners as a texture shows them: (n,3,3) m -> (n,3,2); see `laid_out`."""
+    return laid_out(view.camera, project(view, corners.reshape(-1, 3)).reshape(-1, 3, 2))[0]
+
+
+def laid_out(camera: Camera, uv: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Corners (n,3,2) of faces in a photo as connected triangles, and whether that is possible (n,).
+
+    A face across a panorama's seam goes on beyond the frame, where a repeating texture shows the other side;
+    its centre lies in the frame. A face around a pole cannot be laid out.
+    """
+    turn = full_turn(camera)
+    if turn == 0:
+        return uv, np.ones(len(uv), dtype=np.bool_)
+    uv = camera.unwrapped(uv, uv[:, :1])
+    whole: BoolArray = np.abs(uv[:, 1, 0] - uv[:, 2, 0]) < 0.5 * turn
+    centre = (uv[:, 0, 0] + uv[:, 1, 0] + uv[:, 2, 0]) / 3
+    uv[..., 0] -= (turn * np.floor((centre + 0.5) / turn))[:, None]
+    return uv, whole
 
 
 def triangle_areas(corners: FloatArray) -> FloatArray:
