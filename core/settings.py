@@ -48,7 +48,7 @@ class RegionSettings:
     snap_reach: float = 3.0
     """How far (pixels of the working copy) an outline is moved to meet an edge at full resolution."""
 
-    seed_patches: int = 200
+    seed_patches: int = 50
     """Small patches around a click on the scan that make the first plane."""
 
     surface_levels: int = 14
@@ -133,7 +133,7 @@ class TextureSettings:
     gain_anchor: int | None = None
     """Photo whose colours stay as they are; without one the median of the gains is 1."""
 
-    smoothness: float = 100.0
+    smoothness: float = 30.0
     """Length, in texels of the finest photos, at which a seam costs as much as one octave of resolution over
     its square; larger: fewer, larger patches; 0: every face takes its own best photo."""
 
@@ -214,6 +214,18 @@ class JointSettings:
     min_ties: int = 20
     """Ties that a photo needs to be moved at all."""
 
+    focal_sigma: float = 0.01
+    """Standard deviation of a given focal length, as a share of it, where lenses are adjusted."""
+
+    principal_point_sigma: float = 0.005
+    """Standard deviation (share of the longer side) of a given principal point, where lenses are adjusted."""
+
+    radial_sigma: float = 0.05
+    """Standard deviation of given radial distortion coefficients k1 and k2, where lenses are adjusted."""
+
+    lens_limit: float = 2.0
+    """Largest standard deviation (pixels, at the photo's border) of an adjusted lens; else it is kept."""
+
     seed: int = 0
     """Start of the random numbers: the same photos give the same poses."""
 
@@ -224,6 +236,10 @@ class AtlasSettings:
 
     texel_size: float = 0.0
     """Side of a texel on the surface (m); 0 takes the median of what the photos show."""
+
+    charts: Literal["photos", "surface"] = "photos"
+    """Charts as the photos show the faces, which keeps most detail, or flattened from the surface alone
+    (xatlas), for models that are repainted elsewhere: unseen faces get room as well."""
 
     page_size: int = 4096
     """Side of a page in pixels; there are as many pages (UDIM tiles) as are needed."""

@@ -7,16 +7,17 @@ equation per track.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.sparse import bsr_matrix, csr_matrix
 
-from ...arrays import BoolArray, FloatArray, IndexArray
+from ...arrays import BoolArray, FloatArray
 from ...geometry.rigid import exp_so3, log_so3
 from ...jobs import Job, Progress, drain
 from ..points.perturbation import camera_point_jacobian, invert_scaled
 from ..points.sightings import reprojection
+from .lens import UNKNOWNS, Lenses
+from .reduction import System, reduce_system, solve_system, sum_groups, summing
 from .tracks import Tracks
 
 LOSS = 2.5
@@ -25,16 +26,20 @@ LOSS = 2.5
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Photos and tracks to adjust: rotations (N,3,3), centres (N,3) m, points (T,3) m."""
+    """What is adjusted: rotations (N,3,3), centres (N,3) m, points (T,3) m, changes of lenses (L,5)."""
 
     rotations: FloatArray
     centres: FloatArray
     points: FloatArray
+    lenses: FloatArray = field(default_factory=lambda: np.zeros((0, UNKNOWNS)))
 
-    def moved(self, cameras: FloatArray, points: FloatArray) -> Network:
-        """Apply steps of the cameras (N,6) and the points (T,3)."""
+    def moved(self, cameras: FloatArray, points: FloatArray, lenses: FloatArray | None = None) -> Network:
+        """Apply steps of the cameras (N,6), the points (T,3) and the lenses (L,5)."""
         return Network(
-            exp_so3(cameras[:, :3]) @ self.rotations, self.centres + cameras[:, 3:], self.points + points
+            exp_so3(cameras[:, :3]) @ self.rotations,
+            self.centres + cameras[:, 3:],
+            self.points + points,
+            self.lenses if lenses is None else self.lenses + lenses,
         )
 
 
@@ -68,18 +73,6 @@ class Noise:
 
 
 @dataclass(frozen=True, eq=False)
-class _System:
-    """Normal equations by blocks: of cameras (N,6,6), points (T,3,3), mixed ones per sighting (M,6,3)."""
-
-    camera: FloatArray
-    point: FloatArray
-    mixed: FloatArray
-    camera_gradient: FloatArray
-    point_gradient: FloatArray
-    cost: float
-
-
-@dataclass(frozen=True, eq=False)
 class Problem:
     """Everything that stays while the network moves."""
 
@@ -87,25 +80,35 @@ class Problem:
     ties: ScanTies
     prior: Prior
     noise: Noise
+    lenses: Lenses
 
     def residuals(self, network: Network) -> tuple[FloatArray, FloatArray]:
         """Whitened lengths: of the sightings (M,) and of the scan ties (T,), 0 without a tie."""
-        tracks = self.tracks
-        in_camera = _in_camera(network, tracks)
-        pixel = reprojection(tracks.rays, tracks.to_pixels, in_camera)[0]
-        sight = np.linalg.norm(pixel, axis=1) / (self.noise.pixel * tracks.size)
+        pixel = self._sight(network)[0]
+        sight = np.linalg.norm(pixel, axis=1) / (self.noise.pixel * self.tracks.size)
         return sight, np.abs(self._scan_residuals(network))
+
+    def _sight(self, network: Network) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Errors (M,2) px of the sightings, derivative (M,2,3) by camera points, camera points (M,3)."""
+        in_camera = _in_camera(network, self.tracks)
+        pixel, by_point = reprojection(self.tracks.rays, self.tracks.to_pixels, in_camera)
+        if self.lenses.count:
+            # with rays of the unchanged lens a longer focal length would shrink residuals and win for that
+            changed = self.lenses.changed(network.lenses)
+            exact, exact_by_point = changed.reprojection(self.tracks.view, self.tracks.pixels, in_camera)
+            known = np.isfinite(exact).all(axis=1)
+            pixel[known], by_point[known] = exact[known], exact_by_point[known]
+        return pixel, by_point, in_camera
 
     def _scan_residuals(self, network: Network) -> FloatArray:
         away = np.einsum("tk,tk->t", network.points - self.ties.feet, self.ties.normals)
         out: FloatArray = np.nan_to_num(away) / self.noise.scan
         return out
 
-    def linearise(self, network: Network) -> _System:
+    def linearise(self, network: Network) -> System:
         """Normal equations at a network, robustly weighted."""
         tracks, count = self.tracks, len(network.centres)
-        in_camera = _in_camera(network, tracks)
-        pixel, by_point = reprojection(tracks.rays, tracks.to_pixels, in_camera)
+        pixel, by_point, in_camera = self._sight(network)
         white = 1.0 / (self.noise.pixel * tracks.size)
         squared = np.einsum("mi,mi->m", pixel, pixel) * white**2
         cost, weight = _robust(squared)
@@ -113,20 +116,40 @@ class Problem:
         rotations = network.rotations[tracks.view]
         by_camera = by_point @ _camera_jacobians(rotations, in_camera)
         by_world = by_point @ rotations
+        if self.lenses.count:
+            # where the point is, not where it was seen: slopes that share the residuals' noise are biased
+            slopes = self.lenses.changed(network.lenses).slopes(tracks.view, in_camera)
+            by_camera = np.concatenate([by_camera, slopes], axis=2)
         weighted = by_camera * weight[:, None, None]
         weighted_world = by_world * weight[:, None, None]
-        to_view = _summing(tracks.view, count)
-        to_track = _summing(tracks.track, tracks.count)
+        to_view = summing(tracks.view, count)
+        to_track = summing(tracks.track, tracks.count)
         scan_cost, point, point_gradient = self._scan_system(network)
         prior_cost, camera, camera_gradient = self._prior_system(network)
-        return _System(
-            camera + _sum(to_view, np.einsum("mia,mib->mab", weighted, by_camera)),
-            point + _sum(to_track, np.einsum("mia,mib->mab", weighted_world, by_world)),
+        lens_cost, lens, lens_gradient = self._lens_system(network)
+        outer = sum_groups(to_view, np.einsum("mia,mib->mab", weighted, by_camera))
+        pull = sum_groups(to_view, np.einsum("mia,mi->ma", weighted, pixel))
+        outer[:, :6, :6] += camera
+        pull[:, :6] += camera_gradient
+        return System(
+            outer,
+            point + sum_groups(to_track, np.einsum("mia,mib->mab", weighted_world, by_world)),
             np.einsum("mia,mib->mab", weighted, by_world),
-            camera_gradient + _sum(to_view, np.einsum("mia,mi->ma", weighted, pixel)),
-            point_gradient + _sum(to_track, np.einsum("mia,mi->ma", weighted_world, pixel)),
-            float(cost.sum()) + scan_cost + prior_cost,
+            pull,
+            point_gradient + sum_groups(to_track, np.einsum("mia,mi->ma", weighted_world, pixel)),
+            lens,
+            lens_gradient,
+            self.lenses.column,
+            float(cost.sum()) + scan_cost + prior_cost + lens_cost,
         )
+
+    def _lens_system(self, network: Network) -> tuple[float, FloatArray, FloatArray]:
+        """Cost, information (L,5,5) and gradient (L,5) of the lenses' given values."""
+        free = np.flatnonzero(self.lenses.free)
+        information = self.lenses.information[free]
+        change = self.lenses.total[free] + network.lenses
+        pulled = information * change
+        return float((change * pulled).sum()), information[:, :, None] * np.eye(UNKNOWNS), pulled
 
     def _scan_system(self, network: Network) -> tuple[float, FloatArray, FloatArray]:
         residual = self._scan_residuals(network)
@@ -156,7 +179,7 @@ def adjust_job(problem: Problem, network: Network, iterations: int = 25) -> Job[
     damping = 1e-4
     for number in range(iterations):
         yield Progress(number / iterations, f"Adjusting {problem.tracks.count} points")
-        trial = network.moved(*_step(problem, system, damping))
+        trial = network.moved(*solve_system(problem.tracks, system, damping))
         trial_system = problem.linearise(trial)
         if trial_system.cost >= system.cost:
             damping *= 10
@@ -170,14 +193,15 @@ def adjust_job(problem: Problem, network: Network, iterations: int = 25) -> Job[
     return network
 
 
-def covariances(problem: Problem, network: Network) -> FloatArray:
-    """Covariance (N,6,6) of every pose, all others and the points free."""
+def covariances(problem: Problem, network: Network) -> tuple[FloatArray, FloatArray]:
+    """Covariance (N,6,6) of every pose and (L,5,5) of every lens, all others and the points free."""
     system = problem.linearise(network)
-    reduced, _, _ = _reduce(problem, system, 0.0)
-    full = invert_scaled(reduced)
-    count = len(network.centres)
-    blocks: FloatArray = full.reshape(count, 6, count, 6)[np.arange(count), :, np.arange(count)]
-    return blocks
+    full = invert_scaled(reduce_system(problem.tracks, system, 0.0).matrix)
+    count, lenses = len(network.centres), len(network.lenses)
+    poses = full[: 6 * count, : 6 * count].reshape(count, 6, count, 6)
+    rest = full[6 * count :, 6 * count :].reshape(lenses, UNKNOWNS, lenses, UNKNOWNS)
+    each, one = np.arange(count), np.arange(lenses)
+    return poses[each, :, each], rest[one, :, one]
 
 
 def estimate_noise(problem: Problem, network: Network) -> Noise:
@@ -199,7 +223,7 @@ def estimate_noise(problem: Problem, network: Network) -> Noise:
     return Noise(float(np.clip(pixel, 0.05, 5.0)), float(np.clip(scan_sigma, 1e-4, 0.2)))
 
 
-def _spent_on_scan(problem: Problem, system: _System) -> FloatArray:
+def _spent_on_scan(problem: Problem, system: System) -> FloatArray:
     """Share (T,) of each scan equation that goes into its point."""
     inverse = np.linalg.inv(system.point + 1e-9 * np.eye(3))
     normal = np.nan_to_num(problem.ties.normals) / problem.noise.scan
@@ -238,54 +262,3 @@ def _camera_jacobians(rotations: FloatArray, in_camera: FloatArray) -> FloatArra
 def _robust(squared: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Cauchy loss of squared whitened residuals: values and weights."""
     return LOSS**2 * np.log1p(squared / LOSS**2), 1.0 / (1.0 + squared / LOSS**2)
-
-
-def _summing(index: IndexArray, count: int) -> csr_matrix:
-    """Matrix (count, M) that adds up the rows that belong to the same index."""
-    return csr_matrix((np.ones(len(index)), (index, np.arange(len(index)))), shape=(count, len(index)))
-
-
-def _sum(summing: csr_matrix, values: FloatArray) -> FloatArray:
-    flat = summing @ values.reshape(len(values), -1)
-    out: FloatArray = flat.reshape(summing.shape[0], *values.shape[1:])
-    return out
-
-
-def _step(problem: Problem, system: _System, damping: float) -> tuple[FloatArray, FloatArray]:
-    """Damped Gauss-Newton step of the cameras (N,6) and the points (T,3)."""
-    reduced, gradient, inverse = _reduce(problem, system, damping)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(reduced), 1e-300))
-    scaled = reduced * np.outer(scale, scale)
-    cameras = -(scale * np.linalg.solve(scaled, scale * gradient)).reshape(-1, 6)
-    tracks = problem.tracks
-    coupled = np.einsum("mab,ma->mb", system.mixed, cameras[tracks.view])
-    back = system.point_gradient + _sum(_summing(tracks.track, tracks.count), coupled)
-    return cameras, -np.einsum("tab,tb->ta", inverse, back)
-
-
-def _reduce(problem: Problem, system: _System, damping: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Schur complement: reduced matrix (6N,6N), its gradient (6N,), inverse point blocks (T,3,3)."""
-    tracks, count = problem.tracks, len(system.camera)
-    inverse = np.linalg.inv(_damped(system.point, damping) + 1e-9 * np.eye(3))
-    carried = system.mixed @ inverse[tracks.track]
-    coupling = _blocks(carried, tracks, count) @ _blocks(system.mixed, tracks, count).T
-    reduced = -coupling.toarray()
-    diagonal = np.arange(count)
-    reduced.reshape(count, 6, count, 6)[diagonal, :, diagonal] += _damped(system.camera, damping)
-    eliminated = np.einsum("mab,mb->ma", carried, system.point_gradient[tracks.track])
-    gradient = system.camera_gradient - _sum(_summing(tracks.view, count), eliminated)
-    return reduced, gradient.ravel(), inverse
-
-
-def _damped(blocks: FloatArray, damping: float) -> FloatArray:
-    """Blocks (B,K,K) with their diagonals raised by the share `damping`."""
-    diagonal = np.einsum("bkk->bk", blocks)
-    out: FloatArray = blocks + damping * diagonal[:, :, None] * np.eye(blocks.shape[1])
-    return out
-
-
-def _blocks(mixed: FloatArray, tracks: Tracks, count: int) -> bsr_matrix:
-    """Sparse matrix (6N,3T) of the mixed blocks (M,6,3)."""
-    order = np.lexsort((tracks.track, tracks.view))
-    start = np.searchsorted(tracks.view[order], np.arange(count + 1))
-    return bsr_matrix((mixed[order], tracks.track[order], start), shape=(6 * count, 3 * tracks.count))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
 from ...arrays import ByteArray, Float32Array, FloatArray, IndexArray
+from ...cameras.base import Camera
 from ...geometry.meshes import vertex_normals
 from ...geometry.rays import RayCaster
 from ...photos.view import View
@@ -86,6 +87,17 @@ def detect_features(view: View, settings: JointSettings) -> Features:
     to_pixels = view.camera.project_with_jacobian(rays[seen])[1]
     return Features(
         pixels[seen], size[seen], _rooted(descriptors.astype(np.float32))[seen], rays[seen], to_pixels
+    )
+
+
+def resighted(features: Features, camera: Camera) -> Features:
+    """The same features seen through another camera; those that it does not see keep their rays."""
+    rays = camera.unproject(features.pixels)
+    to_pixels = camera.project_with_jacobian(rays)[1]
+    seen = np.isfinite(rays).all(axis=1) & np.isfinite(to_pixels).all(axis=(1, 2))
+    rays = np.where(seen[:, None], rays, features.rays)
+    return replace(
+        features, rays=rays, to_pixels=np.where(seen[:, None, None], to_pixels, features.to_pixels)
     )
 
 

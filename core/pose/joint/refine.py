@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...arrays import ArrayLike, FloatArray, IndexArray
+from ...arrays import ArrayLike, FloatArray
+from ...cameras.base import Camera
 from ...jobs import Job, Progress, drain, part
 from ...photos.view import View
 from ...settings import JointSettings
-from ..points.perturbation import camera_points, invert_scaled
+from ..points.perturbation import invert_scaled
 from ..points.pictures import view_name
 from ..pose import Pose
 from .adjustment import Network, Prior, covariances
-from .features import Features, Hits, Surface, detect_features, meet_scan
-from .matching import choose_pairs_job, match_closely, match_roughly
-from .solution import Solution, solve_network_job
-
-Matches = dict[tuple[int, int], IndexArray]
+from .features import Surface, detect_features
+from .group import Group, Matches
+from .lens import UNKNOWNS, LensFit, fitted_lens, shared_lenses, why_fixed
+from .solution import Solution
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,13 +28,16 @@ class JointPose(Pose):
 
     `ties`: tracked scan points that hold the photo, 0 when it kept its pose; `shift_before`, `shift_after`:
     median distance in pixels between its features and those of other photos carried over the scan, NaN
-    without any. `note`: why the pose was kept, empty when it was refined.
+    without any. `note`: why the pose was kept, empty when it was refined. `camera`: the one that belongs to
+    the pose; `lens`: what became of its lens, None where lenses were not to be adjusted.
     """
 
     ties: int
     shift_before: float
     shift_after: float
     note: str
+    camera: Camera
+    lens: LensFit | None = None
 
     @property
     def refined(self) -> bool:
@@ -43,19 +46,31 @@ class JointPose(Pose):
 
 
 def refine_poses_jointly(
-    views: Sequence[View], vertices: ArrayLike, faces: ArrayLike, settings: JointSettings | None = None
+    views: Sequence[View],
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    settings: JointSettings | None = None,
+    adjust_lenses: bool = False,
 ) -> list[JointPose]:
     """Poses of all photos, tied by features that lie on the scan; same order as `views`.
 
-    vertices (V,3) m, world; faces (F,3). The scan is fixed and metric. A photo whose features are not found
-    in others keeps its pose and says so in `note`. Raises `PhotoError` for a photo that cannot be read.
-    Source: bundle adjustment (Triggs et al. 2000) with the points drawn to the scan.
+    vertices (V,3) m, world; faces (F,3). The scan is fixed and metric. A view's covariance says how well its
+    pose is known beforehand, so that a pose from regions or edges keeps what they tell. A photo whose
+    features are not found in others keeps its pose and says so in `note`. `adjust_lenses`: focal length,
+    principal point and radial distortion of each lens are unknowns too (photos whose cameras have the same
+    values share a lens); one that the photos do not determine is kept, see `JointPose.lens`. Raises
+    `PhotoError` for a photo that cannot be read. Source: bundle adjustment (Triggs et al. 2000) with
+    the points drawn to the scan.
     """
-    return drain(refine_poses_jointly_job(views, vertices, faces, settings))
+    return drain(refine_poses_jointly_job(views, vertices, faces, settings, adjust_lenses))
 
 
 def refine_poses_jointly_job(
-    views: Sequence[View], vertices: ArrayLike, faces: ArrayLike, settings: JointSettings | None = None
+    views: Sequence[View],
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    settings: JointSettings | None = None,
+    adjust_lenses: bool = False,
 ) -> Job[list[JointPose]]:
     """Job of `refine_poses_jointly`."""
     settings = settings or JointSettings()
@@ -70,19 +85,23 @@ def refine_poses_jointly_job(
     for number, view in enumerate(views):
         yield Progress(0.02 + 0.4 * number / len(views), f"Features of {view_name(view, number)}")
         features.append(detect_features(view, settings))
-    group = _Group(views, features, surface, settings)
+    lenses = shared_lenses(views, False, settings)
+    group = Group(views, features, surface, lenses, settings)
     prior = _prior(views, origin, settings)
     network = Network(prior.rotations, prior.centres, np.zeros((0, 3)))
     # rough poses first, with the strongest features; then all features where the better poses expect them
     radii = [group.rough_radius(network, prior), 8.0, 5.0]
     for stage, radius in enumerate(radii):
-        low = 0.42 + 0.19 * stage
-        hits = group.hits(network)
-        matches = yield from part(group.match_job(network, hits, radius, stage == 0), low, low + 0.13)
-        job = solve_network_job(network, prior, features, hits, matches, surface, settings)
-        solution = yield from part(job, low + 0.13, low + 0.19)
-        network = solution.network
-    return _poses(group, prior, solution, matches, origin)
+        low = 0.42 + 0.17 * stage
+        if stage == 1:
+            group = replace(group, lenses=shared_lenses(views, adjust_lenses, settings))
+        matches = yield from part(group.match_job(network, radius, stage == 0), low, low + 0.11)
+        solution = yield from part(group.solve_job(network, prior, matches), low + 0.11, low + 0.17)
+        network, group = solution.network, group.with_lenses(group.lenses.changed(solution.network.lenses))
+    adjusted = _Adjusted(group, prior, solution, matches)
+    if adjust_lenses:
+        adjusted = yield from part(_sure_lenses_job(adjusted), 0.94, 1.0)
+    return adjusted.poses(origin)
 
 
 def _prior(views: Sequence[View], origin: FloatArray, settings: JointSettings) -> Prior:
@@ -97,97 +116,81 @@ def _prior(views: Sequence[View], origin: FloatArray, settings: JointSettings) -
 
 
 @dataclass(frozen=True, eq=False)
-class _Group:
-    """The photos that are refined together."""
+class _Adjusted:
+    """An adjusted group; `refused` {lens: fit}: lenses that were tried and kept."""
 
-    views: Sequence[View]
-    features: Sequence[Features]
-    surface: Surface
-    settings: JointSettings
+    group: Group
+    prior: Prior
+    solution: Solution
+    matches: Matches
+    refused: Mapping[int, LensFit] = field(default_factory=dict)
 
-    def hits(self, network: Network) -> list[Hits]:
-        return [
-            meet_scan(f.rays, network.rotations[i], network.centres[i], self.surface)
-            for i, f in enumerate(self.features)
-        ]
+    def lens_fits(self, covariance: FloatArray) -> dict[int, LensFit]:
+        """What became of the lenses: the adjusted ones with covariances (L,5,5), and the refused ones."""
+        lenses, limit = self.group.lenses, self.group.settings.lens_limit
+        free = np.flatnonzero(lenses.free).tolist()
+        found = {
+            k: fitted_lens(lenses, k, of_lens, limit) for k, of_lens in zip(free, covariance, strict=True)
+        }
+        return {**self.refused, **found}
 
-    def predicted(self, network: Network, hits: Hits, view: int) -> FloatArray:
-        """Pixels (N,2) at which a photo should see the scan points of another's features."""
-        in_camera = camera_points(network.rotations[view], network.centres[view], hits.points)
-        return self.views[view].camera.project(in_camera)
-
-    def rough_radius(self, network: Network, prior: Prior) -> float:
-        """Pixels by which two starting poses may disagree: three standard deviations of each."""
-        shifts = []
-        for i, hits in enumerate(self.hits(network)):
-            points = hits.points[np.isfinite(hits.points[:, 0])]
-            if len(points):
-                covariance = invert_scaled(prior.information[i])
-                angle = np.sqrt(np.trace(covariance[:3, :3]) / 1.5)
-                distance = np.median(np.linalg.norm(points - network.centres[i], axis=1))
-                angle = np.hypot(angle, np.sqrt(np.trace(covariance[3:, 3:]) / 1.5) / distance)
-                shifts.append(angle * np.median(np.linalg.norm(self.features[i].to_pixels[:, 0], axis=1)))
-        return float(3.0 * np.sqrt(2.0) * np.max(shifts, initial=1.0))
-
-    def match_job(self, network: Network, hits: Sequence[Hits], radius: float, rough: bool) -> Job[Matches]:
-        """Matches of all pairs of photos that see the same surface."""
-        poses = list(zip(network.rotations, network.centres, strict=True))
-        cameras = [view.camera for view in self.views]
-        chosen = choose_pairs_job(cameras, poses, hits, self.surface, self.settings)
-        pairs = yield from part(chosen, 0.0, 0.1)
-        matches: Matches = {}
-        for number, (i, j) in enumerate(pairs):
-            names = f"{view_name(self.views[i], i)} with {view_name(self.views[j], j)}"
-            yield Progress(0.1 + 0.9 * number / len(pairs), f"Matching {names}")
-            a, b = self.features[i], self.features[j]
-            predicted = self.predicted(network, hits[i], j)
-            if rough:
-                matches[i, j] = match_roughly(a, b, hits[i], predicted, radius, self.settings)
+    def poses(self, origin: FloatArray) -> list[JointPose]:
+        """The result per photo; those without ties, or not better than before, keep their pose."""
+        group, network, ties = self.group, self.solution.network, self.solution.ties
+        start = Network(self.prior.rotations, self.prior.centres, network.points)
+        before, after = group.shifts(start, self.matches), group.shifts(network, self.matches)
+        covariance, of_lenses = covariances(self.solution.problem, network)
+        fits = self.lens_fits(of_lenses)
+        poses = []
+        for i, view in enumerate(group.views):
+            note = _reason_to_keep(int(ties[i]), float(before[i]), float(after[i]), group.settings)
+            lens = fits.get(int(group.lenses.of_view[i]))
+            if note:
+                kept = invert_scaled(self.prior.information[i])
+                pose, count, shift = Pose(view.rotation, view.translation, kept), 0, before[i]
             else:
-                matches[i, j] = match_closely(a, b, predicted, radius)
-        return matches
-
-    def shifts(self, network: Network, matches: Matches) -> FloatArray:
-        """Median distance in pixels (N,) between features and those of others carried over the scan."""
-        hits = self.hits(network)
-        distances: list[list[FloatArray]] = [[] for _ in self.views]
-        for (i, j), pairs in matches.items():
-            for a, b, of_a, of_b in ((i, j, pairs[:, 0], pairs[:, 1]), (j, i, pairs[:, 1], pairs[:, 0])):
-                carried = self.predicted(network, hits[a], b)[of_a]
-                distances[b].append(np.linalg.norm(carried - self.features[b].pixels[of_b], axis=1))
-        medians = [np.concatenate([*d, np.zeros(0)]) for d in distances]
-        return np.array([np.median(m[np.isfinite(m)]) if np.isfinite(m).any() else np.nan for m in medians])
-
-
-def _poses(
-    group: _Group, prior: Prior, solution: Solution, matches: Matches, origin: FloatArray
-) -> list[JointPose]:
-    """The result per photo; those without ties, or not better than before, keep their pose."""
-    network, ties = solution.network, solution.ties
-    start = Network(prior.rotations, prior.centres, network.points)
-    before, after = group.shifts(start, matches), group.shifts(network, matches)
-    covariance = covariances(solution.problem, network)
-    poses = []
-    for i, view in enumerate(group.views):
-        note = _reason_to_keep(int(ties[i]), float(before[i]), float(after[i]), group.settings)
-        if note:
-            kept = invert_scaled(prior.information[i])
-            pose = JointPose(
-                view.rotation, view.translation, kept, 0, float(before[i]), float(before[i]), note
+                rotation, centre = network.rotations[i], network.centres[i] + origin
+                pose, count, shift = Pose(rotation, -rotation @ centre, covariance[i]), int(ties[i]), after[i]
+            # a pose that is kept belongs to the camera that it came with
+            camera = view.camera if note else group.camera(i)
+            poses.append(
+                JointPose(
+                    pose.rotation,
+                    pose.translation,
+                    pose.covariance,
+                    count,
+                    float(before[i]),
+                    float(shift),
+                    note,
+                    camera,
+                    lens,
+                )
             )
-        else:
-            rotation, centre = network.rotations[i], network.centres[i] + origin
-            pose = JointPose(
-                rotation,
-                -rotation @ centre,
-                covariance[i],
-                int(ties[i]),
-                float(before[i]),
-                float(after[i]),
-                note,
-            )
-        poses.append(pose)
-    return poses
+        return poses
+
+
+def _sure_lenses_job(adjusted: _Adjusted) -> Job[_Adjusted]:
+    """Solve again without the lenses that the photos leave open, one after the other, the worst first."""
+    group, solution = adjusted.group, adjusted.solution
+    refused = {
+        lens: LensFit(
+            camera, np.zeros(UNKNOWNS), np.full((UNKNOWNS, UNKNOWNS), np.inf), np.inf, why_fixed(camera)
+        )
+        for lens, camera in enumerate(group.lenses.given)
+        if not group.lenses.free[lens]
+    }
+    adjusted = replace(adjusted, refused=refused)
+    while True:
+        fits = adjusted.lens_fits(covariances(adjusted.solution.problem, adjusted.solution.network)[1])
+        open_ones = {k: fit.pixel_sigma for k, fit in fits.items() if fit.note and k not in adjusted.refused}
+        if not open_ones:
+            return adjusted
+        worst = max(open_ones, key=lambda k: open_ones[k])
+        group = group.with_lenses(group.lenses.kept(worst))
+        solution = yield from group.solve_job(adjusted.solution.network, adjusted.prior, adjusted.matches)
+        group = group.with_lenses(group.lenses.changed(solution.network.lenses))
+        refused = {**adjusted.refused, worst: fits[worst]}
+        adjusted = replace(adjusted, group=group, solution=solution, refused=refused)
 
 
 def _reason_to_keep(ties: int, before: float, after: float, settings: JointSettings) -> str:

@@ -21,6 +21,7 @@ from .adjustment import (
     without_outliers,
 )
 from .features import Features, Hits, Surface
+from .lens import UNKNOWNS, Lenses
 from .tracks import Tracks, build_tracks
 
 ROUNDS = 4
@@ -48,14 +49,19 @@ def solve_network_job(
     hits: Sequence[Hits],
     matches: Mapping[tuple[int, int], IndexArray],
     surface: Surface,
+    lenses: Lenses,
     settings: JointSettings,
 ) -> Job[Solution]:
-    """Adjust all poses to the matches {(i, j): (M,2)} between the photos' features."""
+    """Adjust all poses, and the lenses that are free, to matches {(i, j): (M,2)} between photos' features.
+
+    The features' rays are those of the lenses as changed so far; the network's `lenses` are further changes.
+    """
     tracks = _held_tracks(build_tracks(features, matches), hits, len(features), settings)
     points = tracks.first_points(hits)
-    network = Network(start.rotations, start.centres, points)
+    network = Network(start.rotations, start.centres, points, np.zeros((lenses.count, UNKNOWNS)))
     noise = Noise(pixel=1.0, scan=settings.scan_sigma)
-    problem = Problem(tracks, meet_tracks(network, tracks, surface, settings), prior, noise)
+    ties = meet_tracks(network, tracks, surface, settings)
+    problem = Problem(tracks, ties, prior, noise, lenses)
     for number in range(ROUNDS if tracks.count else 0):
         ties = meet_tracks(network, problem.tracks, surface, settings)
         problem = replace(problem, ties=ties)

@@ -17,13 +17,14 @@ from .features import Features, Hits
 class Tracks:
     """Sightings of scan points, sorted by track.
 
-    Per sighting: `view` (M,), `feature` (M,), `track` (M,); `rays` (M,3), `to_pixels` (M,2,3) and the
-    standard deviation of its pixel relative to the smallest features, `size` (M,).
+    Per sighting: `view` (M,), `feature` (M,), `track` (M,); `pixels` (M,2), `rays` (M,3),
+    `to_pixels` (M,2,3) and `size` (M,): standard deviation of the pixel relative to the smallest features.
     """
 
     view: IndexArray
     feature: IndexArray
     track: IndexArray
+    pixels: FloatArray
     rays: FloatArray
     to_pixels: FloatArray
     size: FloatArray
@@ -42,6 +43,7 @@ class Tracks:
             self.view[kept],
             self.feature[kept],
             numbers.astype(np.int64),
+            self.pixels[kept],
             self.rays[kept],
             self.to_pixels[kept],
             self.size[kept],
@@ -72,6 +74,7 @@ def build_tracks(features: Sequence[Features], matches: Mapping[tuple[int, int],
         view.astype(np.int64),
         feature.astype(np.int64),
         track,
+        _gather([f.pixels for f in features], view, feature, (2,)),
         _gather([f.rays for f in features], view, feature, (3,)),
         _gather([f.to_pixels for f in features], view, feature, (2, 3)),
         np.maximum(1.0, _gather([f.size for f in features], view, feature, ()) / 4.0),

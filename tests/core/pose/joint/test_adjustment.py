@@ -13,7 +13,9 @@ from fresco.core.pose.joint.adjustment import (
     covariances,
     without_outliers,
 )
+from fresco.core.pose.joint.lens import shared_lenses
 from fresco.core.pose.joint.tracks import Tracks
+from fresco.core.settings import JointSettings
 
 FOCAL = 1000.0
 
@@ -38,9 +40,10 @@ def made_up(rng, cameras=4, points=60, pixel=0.3, scan=0.003):
     normals = rng.normal(size=(points, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     feet = world + rng.normal(0, scan, (points, 1)) * normals
-    tracks = Tracks(view, track, track, rays, to_pixels, np.ones(len(view)))
+    tracks = Tracks(view, track, track, FOCAL * plane, rays, to_pixels, np.ones(len(view)))
     prior = Prior(rotations, centres, np.tile(np.eye(6) * 1e-6, (cameras, 1, 1)))
-    problem = Problem(tracks, ScanTies(feet, normals, np.ones(points)), prior, Noise(pixel, scan))
+    ties = ScanTies(feet, normals, np.ones(points))
+    problem = Problem(tracks, ties, prior, Noise(pixel, scan), shared_lenses([], False, JointSettings()))
     return Network(rotations, centres, world), problem
 
 
@@ -72,7 +75,7 @@ def test_covariances_are_calibrated():
     for _ in range(15):
         truth, problem = made_up(rng)
         solved = adjust(problem, truth)
-        for k, covariance in enumerate(covariances(problem, solved)):
+        for k, covariance in enumerate(covariances(problem, solved)[0]):
             turned = log_so3(truth.rotations[k] @ solved.rotations[k].T)
             error = np.concatenate([turned, truth.centres[k] - solved.centres[k]])
             normalised.append(error @ np.linalg.solve(covariance, error))
