@@ -11,9 +11,9 @@ import gpu
 import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
-from ...core.arrays import AnyArray, Float32Array, FloatArray, IndexArray, IntArray
+from ...core.arrays import Float32Array, FloatArray, IndexArray
 from ...core.geometry.boundary import boundary_loops
 from ..bridge import meshes
 from ..bridge.regions import opening_in_world
@@ -21,7 +21,7 @@ from ..bridge.world import matrix_to_array
 from .lines import WIDTH, Labels
 
 _ALPHA, _PROPOSED_ALPHA = 0.4, 0.2
-_LIFT = 2e-4  # of the scan's extent
+_NEARER = 4e-6  # of the depth buffer's range (some 30 steps of it) by which overlays lie before the scan
 PROPOSED = (1.0, 1.0, 1.0)
 
 
@@ -90,18 +90,14 @@ def _shape(scan: bpy.types.Object, item: Marked) -> Shape | None:
             return None
         used, faces = np.unique(meshes.read_faces(scan.data)[inside].ravel(), return_inverse=True)
         corners, faces = meshes.read_positions(scan.data)[used].astype(np.float64), faces.reshape(-1, 3)
-    extent = float(np.ptp(np.array(scan.bound_box), axis=0).max())
-    return _drawn(corners, faces, _LIFT * extent, matrix_to_array(scan.matrix_world))
+    return _drawn(corners, faces, matrix_to_array(scan.matrix_world))
 
 
-def _drawn(corners: FloatArray, faces: IndexArray, lift: float, matrix: FloatArray) -> Shape:
+def _drawn(corners: FloatArray, faces: IndexArray, matrix: FloatArray) -> Shape:
     """Shape of corners (n,3) and faces (m,3) in the object's frame; `matrix` takes that to the world."""
-    triangles = lifted(corners, faces, lift)
+    triangles = corners[faces].reshape(-1, 3).astype(np.float32)
     loops = [corners[loop] for loop in boundary_loops(faces)]
-    raised = corners.astype(np.float64)  # the outline lies where the lifted faces end
-    raised[faces.ravel()] = triangles
-    ends = [_edges(raised[loop]) for loop in boundary_loops(faces)]
-    places = np.concatenate(ends) if ends else np.zeros((0, 3))
+    places = np.concatenate([_edges(loop) for loop in loops]) if loops else np.zeros((0, 3))
     flat, line = (gpu.shader.from_builtin(name) for name in ("UNIFORM_COLOR", "POLYLINE_UNIFORM_COLOR"))
     return Shape(
         batch_for_shader(flat, "TRIS", {"pos": triangles}),
@@ -114,16 +110,6 @@ def _drawn(corners: FloatArray, faces: IndexArray, lift: float, matrix: FloatArr
 def _edges(loop: FloatArray) -> FloatArray:
     """Ends (2n,3) of the sides of a closed loop (n,3)."""
     return np.stack([loop, np.roll(loop, -1, axis=0)], axis=1).reshape(-1, 3)
-
-
-def lifted(positions: AnyArray, faces: IntArray, lift: float | None = None) -> Float32Array:
-    """Corners (3n,3) of faces (n,3), a little in front of the scan, lest both be drawn into each other."""
-    corners = positions[faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-    if lift is None:
-        lift = _LIFT * float(np.ptp(positions, axis=0).max())
-    return (corners + lift * normal[:, None]).reshape(-1, 3).astype(np.float32)
 
 
 def draw_faces(corners: Float32Array, color: Sequence[float], matrix: object) -> None:
@@ -157,7 +143,9 @@ def draw() -> None:
         return
     gpu.state.blend_set("ALPHA")
     gpu.state.depth_test_set("LESS_EQUAL")
-    with gpu.matrix.push_pop():
+    with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
+        nearer = Matrix.Translation((0.0, 0.0, -_NEARER)) @ gpu.matrix.get_projection_matrix()
+        gpu.matrix.load_projection_matrix(nearer)
         gpu.matrix.multiply_matrix(scan.matrix_world)
         for region in scene.fresco.regions:
             width = WIDTH + (1.5 if region == scene.fresco.active_region else 0.0)

@@ -18,7 +18,7 @@ from ..bridge import regions as bridge
 from ..bridge.regions import region_of
 from ..bridge.world import matrix_to_array
 from ..overlays.lines import circle, draw_loops
-from ..overlays.scan import draw_faces, lifted
+from ..overlays.scan import draw_faces
 from . import targets
 from .modal import MarkingOperator
 from .photo import PREVIEW, key_steps
@@ -87,7 +87,7 @@ class FRESCO_OT_scan_wand(ScanStroke, bpy.types.Operator):
     def _choose(self) -> None:
         self.level = self.found.level(self.steps)
         self.faces = region_faces(self.scan.index, self.face, self.level)
-        self.corners = lifted(self.scan.vertices, self.scan.faces[self.faces])
+        self.corners = self.scan.vertices[self.scan.faces[self.faces]].reshape(-1, 3).astype(np.float32)
 
     def handle(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
         self.by_key += key_steps(event)

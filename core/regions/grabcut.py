@@ -60,14 +60,17 @@ def grab_cut(image: ArrayLike, rough: BoolArray, band: float = 0.1) -> BoolArray
 
 
 def _trimap(inside: ByteArray | cv2.typing.MatLike, band: float) -> ByteArray:
-    """Certain and probable object and background, by the distance from the rough outline."""
+    """Certain object well inside a rough mask, certain background well outside, in between to be found out.
+
+    A rim of twice the `band` inside begins as background: a loose outline holds some, and colours that the
+    object's model has learnt once it does not forget.
+    """
     mask = np.asarray(inside, dtype=np.uint8)
     width = max(2.0, band * float(np.sqrt(np.count_nonzero(mask))))
     within = cv2.distanceTransform(mask, cv2.DIST_L2, 5)
     beyond = cv2.distanceTransform(1 - mask, cv2.DIST_L2, 5)
-    labels = np.where(mask > 0, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
-    labels[within > min(width, 0.7 * float(within.max()))] = cv2.GC_FGD
-    labels[beyond > width] = cv2.GC_BGD
+    labels = np.where(beyond > width, cv2.GC_BGD, cv2.GC_PR_BGD).astype(np.uint8)
+    labels[within > min(2 * width, 0.7 * float(within.max()))] = cv2.GC_FGD
     return labels
 
 

@@ -1,0 +1,207 @@
+"""Runs inside Blender's window: keys, dragging, adding and taking away, hidden parts, mending, bad clicks.
+
+Arguments: the folder with the small scene (scan.ply, photos/, masks/).
+"""
+
+from pathlib import Path
+
+import bpy
+import driving as d
+
+FOLDER = Path(ui.args[0])  # noqa: F821 - the runner gives `ui`
+
+
+def truth(name):
+    return d.read_mask(FOLDER / "masks" / "wall 1" / f"{name}.png")
+
+
+def wand_by_mouse_and_keys(ui, area):
+    """Dragging and plus, minus choose another size; Esc leaves everything; one undo step per click."""
+    red = truth("red panel")
+    place = ui.to_region(area, *d.middle(red))
+    yield from d.use_tool(ui, area, "fresco.tool_photo_wand")
+    yield from d.hold(ui, [place, (place[0] + 45, place[1])])
+    yield from ui.wait(lambda: preview_steps() is not None, 30, "the wand's preview")
+    yield from ui.move(place[0] + 46, place[1])
+    assert preview_steps() == 3, preview_steps()
+    ui.shot("1 wand dragged")
+    yield from ui.key("ESC")
+    yield from d.release(ui)
+    assert len(d.fresco().regions) == 0
+
+    yield from ui.click(*place)
+    yield from ui.wait(lambda: len(d.fresco().regions) == 1, 30, "the wand")
+    first = d.mask_of(d.fresco().regions[0])
+    yield from ui.key("NUMPAD_PLUS")
+    larger = d.mask_of(d.fresco().regions[0])
+    assert larger.sum() > first.sum(), (first.sum(), larger.sum())
+    yield from ui.key("MINUS")
+    assert d.mask_of(d.fresco().regions[0]).sum() == first.sum()
+    for _ in range(2):
+        yield from d.undo(ui, area)
+    assert d.mask_of(d.fresco().regions[0]).sum() == first.sum()
+    yield from d.undo(ui, area)
+    assert len(d.fresco().regions) == 0
+    with ui.override(area):
+        bpy.ops.ed.redo()
+    yield 0.4
+    assert d.overlap(d.mask_of(d.fresco().regions[0]), red) > 0.9
+
+
+def preview_steps():
+    """Steps that the running wand stands at, by what it draws; None before it has begun."""
+    running = [op for op in bpy.context.window.modal_operators if op.bl_idname == "FRESCO_OT_photo_wand"]
+    return getattr(running[0], "steps", None) if running else None
+
+
+def add_and_take_away(ui, area):
+    """Shift adds what another click finds, Ctrl takes it away again."""
+    green = truth("green panel")
+    place = ui.to_region(area, *d.middle(green))
+    before = d.mask_of(d.fresco().regions[0])
+    yield from ui.click(*place, shift=True)
+    yield from ui.wait(lambda: d.mask_of(d.fresco().regions[0]).sum() > before.sum(), 30, "the addition")
+    both = d.mask_of(d.fresco().regions[0])
+    assert d.overlap(both & ~before, green) > 0.9
+    ui.shot("2 shift adds")
+    yield from ui.click(*place, ctrl=True)
+    yield from ui.wait(lambda: d.mask_of(d.fresco().regions[0]).sum() < both.sum(), 30, "the subtraction")
+    assert d.overlap(d.mask_of(d.fresco().regions[0]), before) > 0.98
+    assert len(d.fresco().regions) == 1
+
+
+def grab_cut_and_snap(ui, area):
+    green, blue = truth("green panel"), truth("blue tile")
+    yield from d.use_tool(ui, area, "fresco.tool_photo_grabcut")
+    yield from d.stroke(ui, d.in_photo(ui, area, d.box_of(green, 9), green.shape))
+    yield from ui.wait(lambda: len(d.fresco().regions) == 2, 30, "GrabCut")
+    share = d.overlap(d.mask_of(d.fresco().regions[1]), green)
+    ui.log("GrabCut overlap", share)
+    assert share > 0.93, share
+
+    yield from d.use_tool(ui, area, "fresco.tool_photo_lasso")
+    d.marking().snap = True
+    v, u = blue.nonzero()
+    corners = [(u[v.argmin()], v.min() - 5), (u.max() + 6, v[u.argmax()]), (u[v.argmax()], v.max() + 5),
+               (u.min() - 6, v[u.argmin()])]  # fmt: skip
+    yield from d.stroke(ui, d.in_photo(ui, area, corners, blue.shape))
+    yield from ui.wait(lambda: len(d.fresco().regions) == 3, 30, "the lasso")
+    share = d.overlap(d.mask_of(d.fresco().regions[2]), blue)
+    ui.log("snapped lasso overlap", share)
+    assert share > 0.93, share
+    d.marking().snap = False
+    ui.shot("3 GrabCut and snapped lasso")
+
+
+def hidden_part(ui, area):
+    """What stands before a region is painted over it, drawn hatched, and kept with the mark."""
+    blue = truth("blue tile")
+    yield from d.use_tool(ui, area, "fresco.tool_photo_brush")
+    d.marking().part, d.marking().radius = "HIDDEN", 22
+    before = d.mask_of(d.fresco().regions[2])
+    (place,) = d.in_photo(ui, area, [d.box_of(blue)[0]], blue.shape)
+    yield from d.stroke(ui, [(place[0] + 10, place[1] - 40), (place[0] + 60, place[1] - 20)])
+    region, photo = d.fresco().regions[2], d.fresco().photos[0]
+    assert photo.mark(region.uid).hidden is not None, d.told()
+    assert (d.mask_of(region) == before).all()
+    ui.shot("4 hidden part")
+    with ui.override(area):
+        bpy.ops.fresco.clear_hidden()
+    assert photo.mark(region.uid).hidden is None
+    d.marking().part = "REGION"
+
+
+def mending(ui, area):
+    """Grow, shrink, fill and specks, each as the menu runs it."""
+    start = d.mask_of(d.fresco().regions[2])
+    d.marking().grow = 4
+    sizes = []
+    for action in ("GROW", "SHRINK", "SMOOTH", "SNAP"):
+        with ui.override(area):
+            bpy.ops.fresco.tidy_mark("INVOKE_DEFAULT", True, action=action)
+        yield from d.finished(ui)
+        sizes.append(int(d.mask_of(d.fresco().regions[2]).sum()))
+    ui.log("mended", start.sum(), sizes)
+    assert sizes[0] > start.sum() > 0.9 * sizes[1] and sizes[1] < sizes[0]
+    yield from d.undo(ui, area)
+    assert int(d.mask_of(d.fresco().regions[2]).sum()) == sizes[2]
+
+
+def bad_clicks(ui, area):
+    """A click beside the photo, a stroke of three pixels, taking away from nothing: a sentence each."""
+    count, region = len(d.fresco().regions), ui.region(area)
+    yield from d.use_tool(ui, area, "fresco.tool_photo_wand")
+    yield from ui.click(region.x + 120, region.y + 40)
+    yield from ui.wait(d.told, 20, "the sentence")
+    assert "outside the photo" in d.told(), d.told()
+    yield from d.use_tool(ui, area, "fresco.tool_photo_lasso")
+    (place,) = d.in_photo(ui, area, [(100, 100)], (320, 480))
+    yield from d.stroke(ui, [place, (place[0] + 2, place[1]), (place[0] + 2, place[1] + 2)])
+    yield from ui.wait(d.told, 20, "the sentence")
+    assert "pixels" in d.told() or "corners" in d.told(), d.told()
+    d.fresco().region_index = count  # none is chosen
+    yield from d.use_tool(ui, area, "fresco.tool_photo_brush")
+    yield from d.stroke(ui, [place, (place[0] + 30, place[1])], ctrl=True)
+    yield from ui.wait(d.told, 20, "the sentence")
+    assert "nothing can be taken away" in d.told(), d.told()
+    assert len(d.fresco().regions) == count
+    d.fresco().region_index = 0
+
+
+def wand_on_scan(ui, area):
+    """Shift adds a second wall, minus takes a step back, a click beside the scan is a sentence."""
+    d.look(area, (6.0, 6.0, 5.0), (0.8, 0.8, 0.8))
+    yield 0.5
+    yield from d.use_tool(ui, area, "fresco.tool_scan_wand")
+    yield from ui.click(*d.on_scan(ui, area, (0.0, 1.2, 1.2)))
+    yield from ui.wait(lambda: d.fresco().regions[0].face_count > 0, 60, "the surface wand")
+    one = d.fresco().regions[0].face_count
+    yield from ui.click(*d.on_scan(ui, area, (1.2, 0.0, 1.2)), shift=True)
+    yield from ui.wait(lambda: d.fresco().regions[0].face_count > one, 30, "the addition")
+    both = d.fresco().regions[0].face_count
+    ui.shot("5 shift adds a wall")
+    assert both >= 1.9 * one, (one, both)
+    yield from d.undo(ui, area)
+    assert d.fresco().regions[0].face_count == one
+    region = ui.region(area)
+    yield from ui.click(region.x + 200, region.y + 40)
+    yield from ui.wait(d.told, 20, "the sentence")
+    assert "not on the scan" in d.told(), d.told()
+
+
+def mending_faces(ui, area):
+    """Grow, shrink, fill a hole that the brush made, as the menu runs it."""
+    whole = d.fresco().regions[0].face_count
+    yield from d.use_tool(ui, area, "fresco.tool_scan_brush")
+    d.marking().radius = 25
+    place = d.on_scan(ui, area, (0.0, 1.2, 1.2))
+    yield from d.stroke(ui, [place, (place[0] + 4, place[1])], ctrl=True)
+    yield from ui.wait(lambda: d.fresco().regions[0].face_count < whole, 20, "the hole")
+    for action, fits in (
+        ("SHRINK", lambda count: count < whole - 30),
+        ("GROW", lambda count: count < whole),
+        ("FILL", lambda count: count == whole),
+    ):
+        with ui.override(area):
+            bpy.ops.fresco.tidy_faces("INVOKE_DEFAULT", True, action=action)
+        yield from d.finished(ui)
+        assert fits(d.fresco().regions[0].face_count), (action, d.fresco().regions[0].face_count, whole)
+
+
+def steps(ui):
+    yield from d.import_scene(FOLDER, ["wall 1"])
+    bpy.ops.ed.undo_push(message="ready")
+    left, right = yield from d.split(ui)
+    for step in (
+        wand_by_mouse_and_keys,
+        add_and_take_away,
+        grab_cut_and_snap,
+        hidden_part,
+        mending,
+        bad_clicks,
+    ):
+        ui.log(step.__name__)
+        yield from step(ui, left)
+    for step in (wand_on_scan, mending_faces):
+        ui.log(step.__name__)
+        yield from step(ui, right)
