@@ -133,7 +133,7 @@ class TextureSettings:
     gain_anchor: int | None = None
     """Photo whose colours stay as they are; without one the median of the gains is 1."""
 
-    smoothness: float = 30.0
+    smoothness: float = 50.0
     """Length, in texels of the finest photos, at which a seam costs as much as one octave of resolution over
     its square; larger: fewer, larger patches; 0: every face takes its own best photo."""
 

@@ -2,16 +2,20 @@
 
 from ..photos.view import View
 from .atlas import Atlas, bake_atlas, bake_atlas_job
+from .deviation import Deviation, surface_deviation
 from .levelling import SeamLevels, level_seams, level_seams_job
 from .obj import write_obj, write_obj_job
 from .select import select_views, select_views_job
 from .selection import Selection
+from .simplify import SimplifiedMesh, simplify_mesh, simplify_mesh_job
 from .split import SplitMesh, split_large_faces, split_large_faces_job
 
 __all__ = [
     "Atlas",
+    "Deviation",
     "SeamLevels",
     "Selection",
+    "SimplifiedMesh",
     "SplitMesh",
     "View",
     "bake_atlas",
@@ -20,8 +24,11 @@ __all__ = [
     "level_seams_job",
     "select_views",
     "select_views_job",
+    "simplify_mesh",
+    "simplify_mesh_job",
     "split_large_faces",
     "split_large_faces_job",
+    "surface_deviation",
     "write_obj",
     "write_obj_job",
 ]

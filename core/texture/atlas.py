@@ -17,11 +17,13 @@ from ..photos.view import View
 from ..settings import AtlasSettings
 from .blending import blend_shares
 from .charts import ChartLayout, photo_charts
+from .detail import DetailSurface
 from .images import read_deep_photo, sample_image, to_bytes, to_linear, to_srgb, view_name
 from .levelling import SeamLevels
 from .raster import Texels, rasterise
 from .selection import Selection
-from .surface import checked_mesh
+from .surface import Mesh, checked_mesh
+from .unwrapping import surface_charts_job
 from .visibility import project
 
 NEUTRAL = 0.2140
@@ -29,6 +31,8 @@ NEUTRAL = 0.2140
 _LOW_TEXELS = 16.0
 """Length on the surface, in median texels, over which low frequencies are averaged in every photo."""
 _TEXELS = 1 << 20
+_REDUCED = 0.7
+"""A photo whose pixels are this much smaller than the texels is reduced to these before it is sampled."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +62,10 @@ def bake_atlas(
     views: Sequence[View],
     settings: AtlasSettings | None = None,
     levels: SeamLevels | None = None,
+    detail: Mesh | None = None,
 ) -> Atlas:
     """Run `bake_atlas_job` to its end."""
-    return drain(bake_atlas_job(folder, stem, vertices, faces, selection, views, settings, levels))
+    return drain(bake_atlas_job(folder, stem, vertices, faces, selection, views, settings, levels, detail))
 
 
 def bake_atlas_job(
@@ -72,24 +77,34 @@ def bake_atlas_job(
     views: Sequence[View],
     settings: AtlasSettings | None = None,
     levels: SeamLevels | None = None,
+    detail: Mesh | None = None,
 ) -> Job[Atlas]:
     """Bake a textured mesh (V,3) m, (F,3) into pages `folder/stem.1001.png`, `.1002.png`, ...
 
-    One page is in memory at a time, and one photo. Pages appear only when all are baked. Raises TextureError,
+    Where the mesh is a simplified one, `detail` is the mesh it was made from: every texel then takes the
+    colour of the place on it, so that relief that is gone from the mesh does not shift the photos. One page
+    and one photo are in memory at a time. Pages appear only when all are baked. Raises TextureError,
     PhotoError, OutputError.
     """
     settings = settings or AtlasSettings()
     points, triangles = checked_mesh(vertices, faces)
     texel = settings.texel_size or float(np.nanmedian(selection.texel_size))
     yield Progress(0.0, "Laying out the atlas")
-    layout = photo_charts(triangles, len(points), selection, texel, settings.page_size, settings.padding)
+    size, padding = settings.page_size, settings.padding
+    if settings.charts == "photos":
+        layout = photo_charts(triangles, len(points), selection, texel, size, padding)
+    else:
+        charts = surface_charts_job(points, triangles, selection.view, texel, size, padding)
+        layout = yield from part(charts, 0.0, 0.05)
     yield Progress(0.05, "Finding what to blend")
     mix = _mix(points, triangles, selection, views, settings, levels)
+    relief = DetailSurface(points, triangles, detail) if detail is not None else None
     paths = tuple(Path(folder) / f"{stem}.{1001 + page}.png" for page in range(layout.pages))
     with ExitStack() as together:  # the pages get their names when all are there
         for page, path in enumerate(paths):
             file = together.enter_context(replacing(path))
-            baking = _bake_page_job(page, layout, points, triangles, selection, views, mix)
+            model = _Model(points, triangles, selection, views, texel, relief)
+            baking = _bake_page_job(page, layout, model, mix)
             start, end = (0.1 + 0.9 * (page + k) / layout.pages for k in (0, 1))
             linear = yield from part(baking, start, end, f"Page {page + 1} of {layout.pages}: ")
             file.write(_coded_page(linear, settings.depth))
@@ -147,32 +162,35 @@ def _low_scales(selection: Selection, view_count: int) -> FloatArray:
     return scales
 
 
-def _bake_page_job(
-    page: int,
-    layout: ChartLayout,
-    points: FloatArray,
-    faces: IntArray,
-    selection: Selection,
-    views: Sequence[View],
-    mix: _Mix,
-) -> Job[Float32Array]:
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """The textured mesh (V,3) m, (F,3), the size of a texel on it (m), and the surface it stands for."""
+
+    points: FloatArray
+    faces: IntArray
+    selection: Selection
+    views: Sequence[View]
+    texel: float
+    relief: DetailSurface | None
+
+
+def _bake_page_job(page: int, layout: ChartLayout, model: _Model, mix: _Mix) -> Job[Float32Array]:
     """Linear colours of one page (size,size,3)."""
-    chosen = np.flatnonzero((layout.page == page) & (selection.view >= 0))
     yield Progress(0.0, "finding its texels")
+    chosen = _faces_of_page(layout, page, model.selection.view)
     texels = rasterise(layout.uv[chosen], layout.size)
-    number_of_face = np.zeros(len(faces), dtype=np.bool_)
-    number_of_face[chosen] = True
-    rows = np.flatnonzero(number_of_face[mix.face])
+    on_page = np.zeros(len(model.faces), dtype=np.bool_)
+    on_page[chosen] = True
+    rows = np.flatnonzero(on_page[mix.face])
     colour = np.zeros((len(texels.face), 3), dtype=np.float32)
+    colour[model.selection.view[chosen[texels.face]] < 0] = np.float32(NEUTRAL)
     needed = np.unique(mix.view[rows])
     for count, number in enumerate(needed.tolist()):
-        yield Progress((count + 0.2) / (len(needed) + 1), f"resampling {view_name(views[number], number)}")
+        name = view_name(model.views[number], number)
+        yield Progress((count + 0.2) / (len(needed) + 1), f"resampling {name}")
         of_photo = rows[mix.view[rows] == number]
         local = np.searchsorted(chosen, mix.face[of_photo])
-        photo = _Bands.of_photo(views[number], number, selection.gain[number], mix.low_scale[number])
-        _add_photo(
-            colour, texels, local, points[faces[mix.face[of_photo]]], views[number], photo, mix, of_photo
-        )
+        _add_photo(colour, texels, local, model, number, mix, of_photo)
     image = np.full((layout.size, layout.size, 3), np.float32(NEUTRAL))
     filled = np.zeros((layout.size, layout.size), dtype=np.bool_)
     image[texels.row, texels.column] = colour
@@ -181,26 +199,41 @@ def _bake_page_job(
     return fill_margins(image, filled) if len(texels.face) else image
 
 
+def _faces_of_page(layout: ChartLayout, page: int, view: IntArray) -> IndexArray:
+    """Faces that lie on a page; of the unseen ones that share a spot, one is enough."""
+    on_page = layout.page == page
+    unseen = np.flatnonzero(on_page & (view < 0))
+    if len(unseen) and np.all(layout.uv[unseen] == layout.uv[unseen[0], 0]):
+        on_page[unseen[1:]] = False
+    return np.flatnonzero(on_page)
+
+
 @dataclass(frozen=True, eq=False)
 class _Bands:
-    """A photo `full` (H,W,3) with its gain, and its `low` frequencies in linear light, reduced by `scale`."""
+    """A photo (H,W,3), reduced by `scale`, with its gain; and its `low` frequencies in linear light."""
 
     full: AnyArray
     low: Float32Array
     gain: FloatArray
+    low_scale: float
     scale: float
 
     @classmethod
-    def of_photo(cls, view: View, number: int, gain: FloatArray, scale: float) -> _Bands:
+    def of_photo(cls, view: View, number: int, gain: FloatArray, low_scale: float, scale: float) -> _Bands:
+        """Read a photo; a `scale` well below 1 reduces it to the atlas's texels, lest it alias."""
         full = read_deep_photo(view, number)
-        small = cv2.resize(full, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        small = cv2.resize(full, None, fx=low_scale, fy=low_scale, interpolation=cv2.INTER_AREA)
         low = cv2.GaussianBlur(to_linear(small), (0, 0), 1.0)
-        return cls(full, np.asarray(low, dtype=np.float32), gain, scale)
+        if scale < _REDUCED:
+            full = cv2.resize(full, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        else:
+            scale = 1.0
+        return cls(full, np.asarray(low, dtype=np.float32), gain, low_scale, scale)
 
     def at(self, pixels: FloatArray) -> tuple[Float32Array, Float32Array]:
         """Low frequencies and the rest at pixels: (n,2) -> (n,3), (n,3) linear."""
-        low = sample_image(self.low, (pixels + 0.5) * self.scale - 0.5)
-        full = to_linear(sample_image(self.full, pixels))
+        low = sample_image(self.low, (pixels + 0.5) * self.low_scale - 0.5)
+        full = to_linear(sample_image(self.full, (pixels + 0.5) * self.scale - 0.5))
         gain = self.gain.astype(np.float32)
         return low * gain, (full - low) * gain
 
@@ -209,26 +242,30 @@ def _add_photo(
     colour: Float32Array,
     texels: Texels,
     local: IndexArray,
-    corners: FloatArray,
-    view: View,
-    photo: _Bands,
+    model: _Model,
+    number: int,
     mix: _Mix,
     rows: IndexArray,
 ) -> None:
-    """Add a photo's share to the texels of the page's faces `local` (n,), whose corners are (n,3,3) m."""
+    """Add the share of photo `number` to the texels of the page's faces `local` (n,), entries `rows` (n,)."""
+    own = float(np.nanmedian(model.selection.texel_size[mix.face[rows]]))
+    gain, low_scale = model.selection.gain[number], mix.low_scale[number]
+    photo = _Bands.of_photo(model.views[number], number, gain, low_scale, own / model.texel)
     row_of_face = np.full(int(texels.face.max(initial=-1)) + 1, -1, dtype=np.int64)
     known = local < len(row_of_face)
     row_of_face[local[known]] = np.flatnonzero(known)
     for start in range(0, len(texels.face), _TEXELS):
         part_rows = row_of_face[texels.face[start : start + _TEXELS]]
         here = np.flatnonzero(part_rows >= 0)
-        row, texel = part_rows[here], here + start
+        texel, entry = here + start, rows[part_rows[here]]
         weights = texels.weights[texel].astype(np.float64)
-        pixels = project(view, np.einsum("nk,nkc->nc", weights, corners[row]))
-        low, high = photo.at(np.nan_to_num(pixels))
+        face = mix.face[entry]
+        places = np.einsum("nk,nkc->nc", weights, model.points[model.faces[face]])
+        if model.relief is not None:
+            places = model.relief.beneath(places, face, weights)
+        low, high = photo.at(np.nan_to_num(project(model.views[number], places)))
         inside = np.clip(weights, 0, 1)
         inside /= inside.sum(axis=1, keepdims=True)
-        entry = rows[row]
         low *= np.einsum("nk,nk->n", inside, mix.low[entry])[:, None].astype(np.float32)
         high *= np.einsum("nk,nk->n", inside, mix.high[entry])[:, None].astype(np.float32)
         level = np.einsum("nk,nkc->nc", inside, mix.factor[entry])

@@ -1,7 +1,7 @@
-"""Charts of an atlas: connected faces of one photo as that photo shows them, packed onto square pages.
+"""Charts of an atlas, packed onto square pages: connected faces of one photo as that photo shows them.
 
 The photo is already a flat picture of its faces without folds, so a chart needs no unwrapping and its pixels
-are resampled as little as possible. xatlas charts are there for models that other programs will repaint.
+are resampled as little as possible. Charts that do not depend on photos are made in `unwrapping`.
 """
 
 from __future__ import annotations
@@ -46,14 +46,26 @@ def photo_charts(
     chart = _connected(faces, vertex_count, selection.view)
     scale = _chart_scale(chart, selection.texel_size, texel_size)
     uv = selection.uv * scale[chart][:, None, None]
+    return pack_charts(chart, uv, selection.view, size, padding)
+
+
+def pack_charts(
+    chart: IndexArray, uv: FloatArray, view: IntArray, size: int, padding: int, unseen_lie: bool = False
+) -> ChartLayout:
+    """Place charts (F,), laid out in pixels `uv` (F,3,2), on pages; larger ones are cut along a grid.
+
+    Charts of the same photo `view` (F,) come together. Faces without a photo share one spot, unless
+    `unseen_lie` gives them the room of their chart. Raises TextureError.
+    """
     chart = _cut_large(chart, uv, max(size // 8, 32))
     low = np.full((chart.max() + 1, 2), np.inf)
     high = np.full((chart.max() + 1, 2), -np.inf)
     for axis in range(2):
         np.minimum.at(low[:, axis], chart, uv[..., axis].min(axis=1))
         np.maximum.at(high[:, axis], chart, uv[..., axis].max(axis=1))
-    unseen = np.bincount(chart, selection.view < 0, len(low)) > 0
-    low[unseen], high[unseen] = 0, 0
+    spot = (view < 0) & (not unseen_lie)
+    alone = np.bincount(chart, spot, len(low)) > 0
+    low[alone], high[alone] = 0, 0
     box = np.ceil(high - low).astype(np.int64) + 2 + 2 * padding
     if box.max() > size:
         raise TextureError(
@@ -61,10 +73,10 @@ def photo_charts(
             "ask for larger pages or a coarser texel size."
         )
     view_of_chart = np.full(len(low), -1)
-    view_of_chart[chart] = selection.view
+    view_of_chart[chart] = view
     page, corner, pages = pack_shelves(box, view_of_chart, size)
     placed = uv - low[chart][:, None] + (corner[chart] + padding + 0.5)[:, None]
-    placed[selection.view < 0] = corner[chart[selection.view < 0], None] + padding + 0.5
+    placed[spot] = corner[chart[spot], None] + padding + 0.5
     return ChartLayout(page[chart].astype(np.int32), placed, pages, size)
 
 
