@@ -7,6 +7,7 @@ import bpy
 from . import cli, jobs, preferences, properties, settings
 from .operators import (
     calibration,
+    cameras,
     export,
     mending,
     partners,
@@ -38,6 +39,7 @@ _MODULES = (
     scan,
     photos,
     calibration,
+    cameras,
     regions,
     mending,
     proposals,
@@ -68,6 +70,7 @@ def register() -> None:
         bpy.utils.register_class(cls)
     properties.attach()
     jobs.attach()
+    cameras.attach()
     tools.attach()
     overlays.attach()
     _commands.append(bpy.utils.register_cli_command("fresco", cli.blender_command))
@@ -78,6 +81,7 @@ def unregister() -> None:
     bpy.utils.unregister_cli_command(_commands.pop())
     overlays.detach()
     tools.detach()
+    cameras.detach()
     jobs.detach()
     properties.detach()
     for cls in reversed(_CLASSES):

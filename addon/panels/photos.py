@@ -81,6 +81,9 @@ class FRESCO_PT_photos(StepPanel, bpy.types.Panel):
         column.separator()
         column.operator("fresco.look_through", text="", icon="VIEW_CAMERA")
         column.operator("fresco.set_calibration", text="", icon="CAMERA_DATA")
+        column.separator()
+        column.operator("fresco.import_cameras", text="", icon="IMPORT")
+        column.operator("fresco.export_cameras", text="", icon="EXPORT")
         if fresco.active_photo is not None:
             draw_photo(layout, context, fresco.active_photo)
 

@@ -55,12 +55,13 @@ def place_cameras(
     cameras = {entry.photo.name: entry.imported for entry in entries if entry.imported is not None}
     known = {name: one.pose for name, one in solved.items() if one.solved and one.pose is not None}
     placed = place(imported, cameras, known, scan)
-    unknown = np.full((6, 6), np.nan)
-    notes = (placed.note,) if placed.note else ()
-    return {
-        name: PhotoPose(name, Pose(*placed.pose(*pose), unknown), notes=notes, given=True)
-        for name, pose in cameras.items()
-    }
+    return {name: unsure(name, placed, *pose) for name, pose in cameras.items()}
+
+
+def unsure(name: str, placed: Placed, rotation: FloatArray, translation: FloatArray) -> PhotoPose:
+    """Return a camera of the other world as a given pose on the scan; how sure it is, nobody knows."""
+    pose = Pose(*placed.pose(rotation, translation), np.full((6, 6), np.nan))
+    return PhotoPose(name, pose, notes=(placed.note,) if placed.note else (), given=True)
 
 
 def place(
