@@ -44,8 +44,9 @@ class CandidateTable:
         """Enter a photo where it beats the worst of the slots. Ties keep the earlier photo."""
         self._index = None
         self.seen_by[seen.face] += 1
-        slot = np.argmax(self.cost[seen.face], axis=1)
-        better = cost < self.cost[seen.face, slot]
+        known = self.cost[seen.face]
+        slot = np.argmax(known, axis=1)
+        better = cost < known[np.arange(len(slot)), slot]
         at = seen.face[better], slot[better]
         self.view[at] = view
         self.cost[at] = cost[better]

@@ -89,11 +89,12 @@ def patch_detail(photo: ByteArray, scale: float, seen: VisibleFaces, patch_size:
     per_pixel = scale * np.array([grids.shape[1] / photo.shape[1], grids.shape[0] / photo.shape[0]])
     centre = (seen.centre + 0.5) * per_pixel - 0.5
     values = sample_image(grids, centre).astype(np.float64)
-    number = seen.face // patch_size
-    patch, index, count = np.unique(number, return_inverse=True, return_counts=True)
+    number = seen.face // patch_size  # ascending, as faces are
+    starts = np.flatnonzero(np.diff(number, prepend=-1))
+    patch, count = number[starts], np.diff(np.append(starts, len(number)))
 
     def mean(of: AnyArray) -> FloatArray:
-        of_patch: FloatArray = np.bincount(index, of, len(patch)) / count
+        of_patch: FloatArray = np.add.reduceat(of, starts, dtype=np.float64) / count
         return of_patch
 
     detail = np.stack([mean(values[:, level]) for level in range(LEVELS)], axis=1)

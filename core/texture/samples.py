@@ -34,9 +34,10 @@ def sample_photo(
     side = scale * float(np.sqrt(np.median(triangle_areas(some))))
     factor = float(np.clip(0.5 ** np.floor(np.log2(max(side, 1.0))), _SMALLEST, 1))
     at = (seen.centre + 0.5) * (scale * factor) - 0.5
-    brightest = cv2.max(cv2.max(photo[..., 0], photo[..., 1]), photo[..., 2])
-    burnt = cv2.threshold(brightest, settings.clipped_level - 1, 255, cv2.THRESH_BINARY)[1]
-    clipped = sample_image(_reduced(burnt, factor), at).astype(np.float32) / np.float32(255)
+    # One pass over the photo: inRange tells where all channels are below the level.
+    limit = np.full(3, settings.clipped_level - 1)
+    unburnt = np.asarray(cv2.inRange(photo, np.zeros(3), limit.astype(np.float64)))
+    clipped = 1 - sample_image(_reduced(unburnt, factor), at).astype(np.float32) / np.float32(255)
     return PhotoSamples(sample_image(_reduced(photo, factor), at), clipped)
 
 

@@ -1,4 +1,7 @@
-"""Time and memory of choosing photos: `python tests/benchmarks/texture_scale.py 1 24` (10⁶ faces, photos)."""
+"""Time and memory of choosing photos.
+
+python tests/benchmarks/texture_scale.py MILLIONS_OF_FACES PHOTOS [MEMORY_LIMIT_GIB]
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ import cv2
 import numpy as np
 from fresco.core.jobs import drain
 from fresco.core.settings import TextureSettings
-from fresco.core.texture import select_views_job
+from fresco.core.texture import select_views_job, split_large_faces_job
 from fresco.core.texture.obj import write_obj
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -22,7 +25,7 @@ from texture_chapel import chapel_mesh, painted_tile, random_poses
 SIZE = (6000, 4000)
 
 
-def main(millions: float, photos: int) -> None:
+def main(millions: float, photos: int, memory_limit: float = 0.0) -> None:
     mesh = chapel_mesh(0.067 * np.sqrt(0.2162 / millions))
     with tempfile.TemporaryDirectory() as folder:
         photo = Path(folder) / "photo.jpg"
@@ -36,10 +39,15 @@ def main(millions: float, photos: int) -> None:
         print(
             f"{len(mesh[1])} faces, {photos} photos of {SIZE[0]} x {SIZE[1]}, {photo.stat().st_size >> 20} MB"
         )
-        run(mesh, views, Path(folder))
+        run(mesh, views, TextureSettings(memory_limit=memory_limit), Path(folder))
 
 
-def run(mesh, views, folder: Path) -> None:
+def run(mesh, views, settings: TextureSettings, folder: Path) -> None:
+    start, start_cpu = time.perf_counter(), time.process_time()
+    split = drain(split_large_faces_job(*mesh, views, settings.uv_tolerance))
+    wall, cpu = time.perf_counter() - start, time.process_time() - start_cpu
+    print(f"split_large_faces: {wall:.1f} s wall, {cpu:.1f} s CPU, {len(split.faces)} faces")
+    mesh = split.vertices, split.faces
     stages: dict[str, list[float]] = {}
     last = [time.perf_counter(), time.process_time(), ""]
 
@@ -52,7 +60,7 @@ def run(mesh, views, folder: Path) -> None:
         last[:] = [now, cpu, progress.message.split(" photo")[0]]
 
     start, start_cpu = time.perf_counter(), time.process_time()
-    selection = drain(select_views_job(*mesh, views, TextureSettings()), account)
+    selection = drain(select_views_job(*mesh, views, settings), account)
     wall, cpu = time.perf_counter() - start, time.process_time() - start_cpu
     for name, (stage_wall, stage_cpu) in stages.items():
         print(f"  {name:45s} {stage_wall:7.1f} s wall {stage_cpu:7.1f} s CPU")
@@ -65,4 +73,4 @@ def run(mesh, views, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(float(sys.argv[1]), int(sys.argv[2]))
+    main(float(sys.argv[1]), int(sys.argv[2]), *(float(limit) for limit in sys.argv[3:4]))
