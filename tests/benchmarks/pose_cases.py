@@ -41,10 +41,11 @@ def make_case(
     depth=(2.0, 6.0),
     offset=10_000.0,
     spread=1.0,
+    shapes=None,
 ):
     """Draw until every region is whole in the photo, seen at less than 75 degrees, and apart."""
     camera = camera or perspective_camera()
-    shapes = template_shapes()
+    shapes = shapes or template_shapes()
     while True:
         names = list(rng.choice(sorted(shapes), regions, replace=False))
         frames = [_region_frame(rng, i, spread) for i in range(regions)]

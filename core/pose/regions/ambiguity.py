@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...arrays import FloatArray, IndexArray
+from ...arrays import ArrayLike, FloatArray, IndexArray
 from ...errors import PoseNotFound
-from ...geometry.rigid import rotation_angle
+from ...geometry.rigid import log_so3, rotation_angle
 from ...settings import PoseSettings
 from ..pose import Pose
 from .algebraic import Candidates, moment_costs
-from .covariance import world_covariance
-from .fitting import OutlineFit
+from .covariance import turn_per_pixel, world_covariance
+from .fitting import Contours, OutlineFit, finished
 from .overlap import overlap_errors
 from .problem import Problem
 from .region_pose import RegionPose
@@ -22,22 +22,34 @@ from .region_pose import RegionPose
 APART = np.radians(2.0)
 """Poses nearer to each other than this are one."""
 
+ALIKE = 0.7
+"""Of the best's evidence, what another pose must reach to be its equal."""
 
-ALIKE_SHARE = 0.8
-"""Of the best's share of boundary on the outline, what another pose must reach to be its equal."""
+CLOSE = 2.0
+"""Difference of evidence up to which two poses are equals whatever its size."""
 
-EQUAL_SHARE = 0.97
-"""The same for being no worse at all, where the side that the faces are wound for decides."""
+NO_WORSE = 0.9
+"""Of the best's evidence, what a pose in front of the surface must have to be preferred to one behind."""
+
+ROUGH = np.radians(45.0)
+"""Angle up to which a rough pose tells which of several solutions is meant."""
 
 PLAUSIBLE = 16.0
 """Cost above the best, in its noise variance, up to which another pose explains the regions as well."""
+
+ROUND = 60.0
+"""Degrees per pixel from which a turn does not show in an outline."""
 
 LOOSE = 1.5
 """Degrees of standard deviation from which a pose counts as undecided."""
 
 
 def chosen(
-    problem: Problem, fits: Sequence[OutlineFit], initial: Pose | None, settings: PoseSettings
+    contours: Contours,
+    fits: Sequence[OutlineFit],
+    up: ArrayLike | None,
+    initial: Pose | None,
+    settings: PoseSettings,
 ) -> RegionPose:
     """Choose the best fit, with the others that explain the regions as well.
 
@@ -46,40 +58,81 @@ def chosen(
     PoseNotFound
         Even the best leaves the regions apart.
     """
-    rivals = _rivals(problem, fits)
+    problem = contours.problem
+    locked = fits[0].near < np.inf
+    rivals = _rivals(problem, _finished(contours, fits) if locked else fits)
     poses = [posed(problem, fit) for fit in rivals]
+    contradicted = ""
+    if up is not None:
+        poses, contradicted = _upright(poses, np.asarray(up, dtype=np.float64))
+    decided = False
     if initial is not None:
-        poses.sort(key=lambda pose: float(rotation_angle(pose.rotation @ initial.rotation.T)))
+        poses, decided = _nearest_first(poses, initial)
     best, others = poses[0], tuple(poses[1:])
     if best.overlap_error > settings.overlap_limit:
         raise PoseNotFound(
             f"The best pose leaves {best.overlap_error:.0f} % of the regions apart (limit "
             f"{settings.overlap_limit:g} %): check that each region has its right partner and outline."
         )
-    if initial is not None or not others:
-        loose = best.rotation_sigma > LOOSE
-        reason = f"the pose is known to {best.rotation_sigma:.1f} degrees only: add a region" if loose else ""
-        return replace(best, alternatives=others, ambiguous=loose, reason=reason)
-    reason = f"{len(others)} other pose(s) explain the regions as well: add a region or give the up direction"
-    return replace(best, alternatives=others, ambiguous=True, reason=reason)
+    reason = contradicted or _doubt(problem, best, () if decided else others)
+    return replace(best, alternatives=others, ambiguous=bool(reason), reason=reason)
+
+
+def _upright(poses: Sequence[RegionPose], up: FloatArray) -> tuple[list[RegionPose], str]:
+    """Poses in which `up` points up in the photo; if there are none, all of them, and what to say."""
+    upright = [pose for pose in poses if pose.rotation[1] @ up < 0]
+    said = "" if upright else "the regions fit only with the up direction pointing down: check it"
+    return upright or list(poses), said
+
+
+def _nearest_first(poses: Sequence[RegionPose], initial: Pose) -> tuple[list[RegionPose], bool]:
+    """Poses with the one nearest to the rough pose first, if that decides, and whether it does."""
+    angles = np.array([float(rotation_angle(pose.rotation @ initial.rotation.T)) for pose in poses])
+    order = np.argsort(angles, kind="stable")
+    decides = len(poses) > 1 and angles[order[0]] < ROUGH and 2.0 * angles[order[0]] < angles[order[1]]
+    return [poses[k] for k in order] if decides else list(poses), decides
+
+
+def _doubt(problem: Problem, best: RegionPose, others: Sequence[RegionPose]) -> str:
+    """Why the regions alone cannot decide, or nothing."""
+    if others:
+        return (
+            f"{len(others)} other pose(s) explain the regions as well: add a region or give the up direction"
+        )
+    if len(problem.outlines) == 1:
+        shift = best.translation + best.rotation @ problem.origin
+        if turn_per_pixel(problem.camera, problem.outlines, best.rotation, shift) > ROUND:
+            return "the region is so round that a turn of the camera hardly shows: add a region"
+    if best.rotation_sigma > LOOSE:
+        return f"the pose is known to {best.rotation_sigma:.1f} degrees only: add a region"
+    if not best.locked and len(problem.outlines) == 1:
+        return (
+            "the outlines of the only region coincide nowhere: draw it more carefully, mark what hides it, "
+            "or add a region"
+        )
+    return ""
+
+
+def _finished(contours: Contours, fits: Sequence[OutlineFit]) -> list[OutlineFit]:
+    """Fits with about as much evidence as the best, best first; those exact to the pixel if there are any."""
+    most = max(fit.evidence for fit in fits)
+    least = min(ALIKE * most, most - CLOSE)
+    equals = sorted((fit for fit in fits if fit.evidence >= least), key=lambda fit: -fit.evidence)
+    done = [finished(contours, fit) for fit in equals]
+    return [fit for fit in done if fit.exact] or done
 
 
 def _rivals(problem: Problem, fits: Sequence[OutlineFit]) -> list[OutlineFit]:
-    """Best fit first, then those about as good; with several regions, poses behind the surface give way."""
-    nearest = min(fit.near for fit in fits)
-    if nearest < np.inf:
-        most = max(fit.share for fit in fits if fit.near == nearest)
-        rivals = [fit for fit in fits if fit.near == nearest and fit.share >= ALIKE_SHARE * most]
-        rivals.sort(key=lambda fit: -fit.share)
-    else:
-        rivals = _explaining(problem, fits)
-    rivals = _without_repetitions(rivals)
-    in_front = [fit for fit in rivals if fit.front]
+    """Best fit first, then those about as good; poses behind the surface give way if they are no better."""
+    if fits[0].near == np.inf:
+        rivals = _without_repetitions(_explaining(problem, fits))
+        in_front = [fit for fit in rivals if fit.front]
+        return in_front if in_front and len(problem.outlines) > 1 else rivals
+    rivals = _without_repetitions(fits)
+    equal = [fit for fit in rivals if fit.evidence >= NO_WORSE * rivals[0].evidence]
+    in_front = [fit for fit in equal if fit.front]
     if in_front and len(problem.outlines) > 1:
-        return in_front
-    if nearest == np.inf:
-        return rivals
-    equal = [fit for fit in rivals if fit.share >= EQUAL_SHARE * rivals[0].share]
+        return in_front + [fit for fit in rivals if fit not in equal and fit.front]
     return sorted(equal, key=lambda fit: not fit.front) + rivals[len(equal) :]
 
 
@@ -92,11 +145,28 @@ def _explaining(problem: Problem, fits: Sequence[OutlineFit]) -> list[OutlineFit
 
 
 def _without_repetitions(fits: Sequence[OutlineFit]) -> list[OutlineFit]:
+    """Distinct poses; a fit near a better one widens its covariance instead, by how likely it is."""
     kept: list[OutlineFit] = []
     for fit in fits:
-        if all(rotation_angle(fit.rotation @ other.rotation.T) > APART for other in kept):
+        near = [k for k, other in enumerate(kept) if _angle(fit, other) <= APART]
+        if near:
+            kept[near[0]] = _widened(kept[near[0]], fit)
+        else:
             kept.append(fit)
     return kept
+
+
+def _angle(fit: OutlineFit, other: OutlineFit) -> float:
+    return float(rotation_angle(fit.rotation @ other.rotation.T))
+
+
+def _widened(fit: OutlineFit, other: OutlineFit) -> OutlineFit:
+    """Fit with the covariance of the mixture of both. Source: moments of a mixture, weights by evidence."""
+    if fit.near == np.inf:
+        return fit
+    step = np.concatenate([log_so3(other.rotation @ fit.rotation.T), other.translation - fit.translation])
+    weight = 1.0 / (1.0 + np.exp(min(fit.evidence - other.evidence, 700.0)))
+    return replace(fit, covariance=fit.covariance + weight * np.outer(step, step))
 
 
 def posed(problem: Problem, fit: OutlineFit) -> RegionPose:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...arrays import FloatArray
+from ...arrays import FloatArray, IndexArray
 from ...cameras.base import Camera
 from .contour import ContourPair, outward
 
@@ -20,9 +20,10 @@ NEIGHBOURS = 32  # outline points looked at per boundary sample: about 10 px on 
 BESIDE = 0.71  # px along the outline within which a point is opposite to the sample
 CHOICES = 4  # offsets kept per sample
 SAMPLES = 120  # boundary samples per region
-DRAWS = 400  # poses tried
-CLIMBS = 16  # of these, the best ones climb
-STRETCH = 1.4  # the draws spread wider than the moments' covariance says
+DRAWS = 600  # poses tried
+CLIMBS = 24  # of these, the best ones climb
+STRETCH = (1.5, 3.0)  # the draws spread wider than the moments' covariance says, in turn
+SHARP = 0.4  # share of `near` by which right pieces of outline scatter
 NEAR = 0.7  # px: as close as outline and boundary come where both are right
 CLIMB_SCALES = (2.0, 1.5, 1.5, 1.2, 1.0, 0.8, 0.7, 0.6, 0.5, 0.5)
 
@@ -37,10 +38,14 @@ class Offsets:
 
 @dataclass(frozen=True, eq=False)
 class Consensus:
-    """Steps (K,6) from the pose searched around, best first, and the share (K,) of samples that come near."""
+    """Local optima, best first: steps (K,6) from the pose searched around, none of them alike.
+
+    `shares` (K,) of the samples come near the outline; `scores` (K,) count those right on it most.
+    """
 
     steps: FloatArray
     shares: FloatArray
+    scores: FloatArray
 
 
 def outline_offsets(
@@ -82,7 +87,7 @@ def search_consensus(
     spread = _square_root(covariance)
     slope = offsets.jacobian @ spread
     choices = [np.ascontiguousarray(column) for column in offsets.values.T]
-    draws = STRETCH * generator.standard_normal((DRAWS, 6))
+    draws = np.resize(STRETCH, DRAWS)[:, None] * generator.standard_normal((DRAWS, 6))
     draws[0] = 0.0
     distance = _nearest(choices, draws @ slope.T)
     score = (1.0 / (1.0 + (distance / (2.0 * near)) ** 2)).sum(axis=1)
@@ -90,9 +95,20 @@ def search_consensus(
     climbers[-1] = 0.0
     for scale in CLIMB_SCALES:
         climbers = climbers - _ascent(choices, slope, climbers, scale * near / NEAR)
-    shares = np.mean(np.abs(_nearest(choices, climbers @ slope.T)) < near, axis=1)
-    order = np.argsort(-shares)
-    return Consensus(climbers[order] @ spread.T, shares[order])
+    distance = _nearest(choices, climbers @ slope.T)
+    scores = np.mean(np.exp(-0.5 * (distance / (SHARP * near)) ** 2), axis=1)
+    order = _unlike(climbers @ slope.T, np.argsort(-scores), 1.5 * near)
+    shares = np.mean(np.abs(distance[order]) < near, axis=1)
+    return Consensus(climbers[order] @ spread.T, shares, scores[order])
+
+
+def _unlike(shifts: FloatArray, order: IndexArray, least: float) -> IndexArray:
+    """Of poses in `order`, those whose boundary shifts (K,N) differ from earlier ones by `least` px rms."""
+    kept: list[int] = []
+    for index in order.tolist():
+        if all(np.mean((shifts[index] - shifts[other]) ** 2) > least**2 for other in kept):
+            kept.append(index)
+    return np.array(kept, dtype=np.int64)
 
 
 def _square_root(covariance: FloatArray) -> FloatArray:

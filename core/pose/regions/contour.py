@@ -30,13 +30,14 @@ class ImageContour:
 class SurfaceContour:
     """Smoothed boundary of surface regions: points (m from the origin), unit tangents (n,3) as of an outline.
 
-    `block` (n,) numbers stretches of the boundary whose errors hang together; `front` says that the camera
-    sees the side that all regions' faces are wound for.
+    `block` (n,) numbers stretches of the boundary whose errors hang together; `spacing` is about how far
+    (px) samples are apart; `front` says that the camera sees the side that all regions' faces are wound for.
     """
 
     points: FloatArray
     tangents: FloatArray
     block: IndexArray
+    spacing: int
     front: bool
 
 
@@ -79,12 +80,18 @@ def image_contour(loops: Sequence[FloatArray], hidden: BoolArray | None, half_wi
         points.append(curve.points)
         normals.append(np.stack([curve.tangents[:, 1], -curve.tangents[:, 0]], axis=1))
     everything, outwards = np.concatenate(points), np.concatenate(normals)
-    weights = np.ones(len(everything))
+    weights = shown(everything, outwards, hidden).astype(np.float64)
+    return ImageContour(everything, outwards, weights, cKDTree(everything))
+
+
+def shown(points: FloatArray, outwards: FloatArray, hidden: BoolArray | None) -> BoolArray:
+    """Which points (n,2) px of an outline with outward normals (n,2) have nothing `hidden` (H,W) beside."""
+    seen = np.ones(len(points), dtype=bool)
     if hidden is not None:
         for reach in (-3.0, -1.5, 0.0, 1.5, 3.0):
-            u, v = np.rint(everything + reach * outwards).astype(np.int64).T
-            weights[hidden[np.clip(v, 0, hidden.shape[0] - 1), np.clip(u, 0, hidden.shape[1] - 1)]] = 0.0
-    return ImageContour(everything, outwards, weights, cKDTree(everything))
+            u, v = np.rint(points + reach * outwards).astype(np.int64).T
+            seen &= ~hidden[np.clip(v, 0, hidden.shape[0] - 1), np.clip(u, 0, hidden.shape[1] - 1)]
+    return seen
 
 
 def surface_contour(
@@ -100,7 +107,7 @@ def surface_contour(
     count = 0
     for loops in regions:
         size = metres_per_pixel(camera, loops, rotation, translation)
-        turns.append(_turn(loops, rotation, translation))
+        turns.append(area_turn(loops, rotation, translation))
         for loop in loops:
             curve = smoothed(resampled(loop, size), half_width)
             points.append(curve.points)
@@ -112,6 +119,7 @@ def surface_contour(
         np.concatenate(points)[::stride],
         np.concatenate(tangents)[::stride],
         np.concatenate(blocks)[::stride],
+        stride,
         all(turn < 0 for turn in turns),
     )
 
@@ -180,7 +188,7 @@ def gauss_newton_step(matches: Sequence[Match], scale: float) -> FloatArray:
     return step
 
 
-def _turn(loops: Sequence[FloatArray], rotation: FloatArray, translation: FloatArray) -> float:
+def area_turn(loops: Sequence[FloatArray], rotation: FloatArray, translation: FloatArray) -> float:
     """1 where the longest loop's area vector points away from the camera, as an outline's does; else -1."""
     loop = max(loops, key=_length)
     area = np.cross(loop - loop[0], np.roll(loop, -1, axis=0) - loop[0]).sum(axis=0)

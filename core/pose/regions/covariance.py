@@ -7,9 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...arrays import FloatArray, IndexArray
+from ...cameras.base import Camera
 from ...geometry.rigid import skew
-from .contour import ContourPair, Match, robust_weights
+from .contour import ContourPair, Match, outward, robust_weights, surface_contour
 from .moment_pair import MomentPair
+from .problem import OutlinePair
 
 LEAST_CURVATURE = 0.2
 """Share of the weights' slope that is always kept, so that poorly matched outlines cannot look unsolvable."""
@@ -82,19 +84,42 @@ def _spread(
     spread, stretches = np.zeros((size, size)), 0
     for pair, found, weighted in zip(pairs, matches, scores, strict=True):
         stretch = pair.surface.block // joined
-        gradients = _per_stretch(stretch, weighted * np.nan_to_num(found.distances)[:, None])
-        lifts = bias * _per_stretch(stretch, weighted)
+        gradients = per_stretch(stretch, weighted * np.nan_to_num(found.distances)[:, None])
+        lifts = bias * per_stretch(stretch, weighted)
         stretches += np.count_nonzero(np.any(gradients != 0, axis=1))
         spread += gradients.T @ gradients + lifts.T @ lifts
     correction = stretches / max(stretches - size, 1)
     return correction * spread, stretches
 
 
-def _per_stretch(stretch: IndexArray, values: FloatArray) -> FloatArray:
+def per_stretch(stretch: IndexArray, values: FloatArray) -> FloatArray:
     """Sums (S,P) of values (n,P) over the stretches 0..S-1 they belong to (n,)."""
     sums = np.zeros((int(stretch.max()) + 1, values.shape[1]))
     np.add.at(sums, stretch, values)
     return sums
+
+
+def turn_per_pixel(
+    camera: Camera, pairs: Sequence[OutlinePair], rotation: FloatArray, translation: FloatArray
+) -> float:
+    """Degrees that the camera can turn, and move along, while outlines move across themselves by a pixel rms.
+
+    Outlines are smoothed over a twentieth of their length, so that the corners of a polygon that stands for
+    a curve do not count. A few degrees are usual; a circle or an ellipse has no bound.
+    """
+    slopes = []
+    for pair in pairs:
+        half_width = max(3, sum(map(len, pair.outlines)) // 40)
+        surface = surface_contour(camera, pair.boundaries, rotation, translation, half_width, 1)
+        turned = surface.points @ rotation.T
+        _, jacobian = camera.project_with_jacobian(turned + translation)
+        normals = outward(jacobian, surface.tangents @ rotation.T)
+        across = np.einsum("ni,nij->nj", normals, jacobian)
+        slopes.append(np.concatenate([np.cross(turned, across), across], axis=1))
+    slope = np.concatenate(slopes)
+    slope = slope[np.isfinite(slope).all(axis=1)]
+    spread = stable_inverse(slope.T @ slope / len(slope))
+    return float(np.degrees(np.sqrt(np.trace(spread[:3, :3]))))
 
 
 def stable_inverse(normal: FloatArray) -> FloatArray:

@@ -10,10 +10,10 @@ from ...jobs import Job, Progress, drain
 from ...regions import ImageRegion, SurfaceRegion
 from ...settings import PoseSettings
 from ..pose import Pose
-from .algebraic import Candidates
+from .algebraic import Candidates, joined
 from .ambiguity import chosen, plausible, unlike
 from .covariance import moment_covariance
-from .fitting import LEVELS, Contours, OutlineFit, fit_outlines
+from .fitting import LEVELS, Contours, Level, OutlineFit, fit_outlines, unlocked
 from .overlap import overlap_errors
 from .problem import Problem, make_problem
 from .region_pose import RegionPose
@@ -42,9 +42,10 @@ def estimate_pose(
         One or several; with `paired` the i-th of one belongs to the i-th of the other, otherwise only their
         unions show the same and the numbers may differ (eq. 3.22).
     up
-        Direction (3,) in the world that points up in the photo, roughly; it decides between solutions.
+        Direction (3,) in the world that points up in the photo, roughly; it decides between solutions that
+        explain the regions equally well.
     initial
-        A rough pose, tried first and preferred among solutions that explain the regions equally well.
+        A rough pose, tried as well; it decides between such solutions if it is much nearer to one of them.
 
     Raises
     ------
@@ -74,32 +75,51 @@ def estimate_pose_job(
     yield Progress(0.0, "Reading the regions' outlines")
     problem = make_problem(camera, photo, surfaces, paired)
     yield Progress(0.2, "Searching for poses that fit the regions")
-    candidates = moment_candidates(problem, problem.sketches[0], up, initial)
-    fits = yield from _fits(problem, candidates)
-    good = _overlapping(problem, fits, settings.overlap_limit)
-    if len(problem.sketches) > 1 and not any(fit.near == LEVELS[0].near for fit in good):
-        yield Progress(0.7, "Searching from every region")
-        others = moment_candidates(problem, problem.sketches[1], up, initial)
-        fits += yield from _fits(problem, unlike(others, candidates))
-        good = _overlapping(problem, fits, settings.overlap_limit)
-    return chosen(problem, good or fits, initial, settings)
-
-
-def _overlapping(problem: Problem, fits: Sequence[OutlineFit], limit: float) -> list[OutlineFit]:
-    """Fits with at most `limit` % of the regions apart: pieces of outline coincide in wrong poses, too."""
-    return [fit for fit in fits if overlap_errors(problem.moments, fit.rotation, fit.translation)[0] <= limit]
-
-
-def _fits(problem: Problem, candidates: Candidates) -> Job[list[OutlineFit]]:
-    """Candidates that explain the moments, after the outline stage."""
-    fits: list[OutlineFit] = []
+    candidates = moment_candidates(problem, problem.sketches[0], initial)
     contours = Contours(problem)
-    for number, index in enumerate(_plausible(problem, candidates)):
-        yield Progress(0.4 + 0.1 * number, "Fitting the outlines")
-        rotation, translation = candidates.rotations[index], candidates.translations[index]
-        covariance = moment_covariance(problem.moments, rotation, translation)
-        fits.append(fit_outlines(contours, rotation, translation, covariance))
-    return fits
+    fits = yield from _fits(contours, candidates, LEVELS[:1], settings.overlap_limit, 0.4)
+    if not fits and len(problem.sketches) > 1:
+        yield Progress(0.6, "Searching from every region")
+        others = unlike(moment_candidates(problem, problem.sketches[1], initial), candidates)
+        fits = yield from _fits(contours, others, LEVELS[:1], settings.overlap_limit, 0.6)
+        candidates = joined([candidates, others]).sorted()
+    if not fits:
+        fits = yield from _fits(contours, candidates, LEVELS[1:], settings.overlap_limit, 0.7)
+    yield Progress(0.9, "Comparing the poses found")
+    return chosen(contours, fits or _by_moments(contours, candidates), up, initial, settings)
+
+
+def _fits(
+    contours: Contours, candidates: Candidates, levels: Sequence[Level], limit: float, progress: float
+) -> Job[list[OutlineFit]]:
+    """Fits of candidates that explain the moments, at the first level at which outlines coincide.
+
+    More than `limit` % of the regions apart is none: pieces of outline coincide in wrong poses, too.
+    """
+    problem = contours.problem
+    for level in levels:
+        fits: list[OutlineFit] = []
+        for index in _plausible(problem, candidates):
+            yield Progress(progress, "Fitting the outlines")
+            rotation, translation = candidates.rotations[index], candidates.translations[index]
+            covariance = moment_covariance(problem.moments, rotation, translation)
+            fits += fit_outlines(level, contours, rotation, translation, covariance)
+        fits = [
+            fit for fit in fits if overlap_errors(problem.moments, fit.rotation, fit.translation)[0] <= limit
+        ]
+        if fits:
+            return fits
+    return []
+
+
+def _by_moments(contours: Contours, candidates: Candidates) -> list[OutlineFit]:
+    """Candidates that explain the moments, as they are."""
+    moments = contours.problem.moments
+    poses = [
+        (candidates.rotations[k], candidates.translations[k])
+        for k in _plausible(contours.problem, candidates)
+    ]
+    return [unlocked(contours, *pose, moment_covariance(moments, *pose)) for pose in poses]
 
 
 def _plausible(problem: Problem, candidates: Candidates) -> list[int]:

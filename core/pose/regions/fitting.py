@@ -1,4 +1,4 @@
-"""The outline stage for one candidate: search, refine, and tell whether outlines really coincide."""
+"""The outline stage: search around candidates, refine, and tell whether outlines really coincide."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ...arrays import FloatArray
 from ...cameras.base import Camera
 from ...geometry.rigid import exp_so3
-from .consensus import outline_offsets, search_consensus
+from .consensus import SHARP, outline_offsets, search_consensus
 from .contour import (
     ContourPair,
     ImageContour,
@@ -20,7 +20,8 @@ from .contour import (
     refine_by_contours,
     surface_contour,
 )
-from .covariance import outline_covariance
+from .covariance import moment_covariance, outline_covariance
+from .pixels import fit_between_pixels
 from .problem import Problem
 
 
@@ -62,6 +63,27 @@ ALONE = 5.0
 SURE_SHARE = 0.6
 """Share of the boundary on the outline at which there is no need to search for more."""
 
+FALSE_LOCKS = 0.3
+"""Of locks of one region in parts, not exact to the pixel, the share that may be wrong: then moments hold."""
+
+MOST_OPTIMA = 3
+"""Local optima followed per search."""
+
+WORTHY = 0.6
+"""Score, as a share of the best's, from which a local optimum is followed."""
+
+BEYOND = 8.5
+"""Multiples of `Level.near` over which distances of boundary that is not on the outline scatter."""
+
+SHARES = np.array([0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 0.95])
+"""Shares of the boundary on the outline that are tried to find the likeliest."""
+
+BLOCKS = 3.0
+"""Independent pieces of evidence per stretch of boundary whose errors hang together."""
+
+SAME = 0.7
+"""Multiples of `Level.near` by which the boundaries of different fits differ, root mean square."""
+
 SCALES = (1.5, 1.0, 0.7, 0.7, 0.7)
 """Distances lose their weight at these multiples of `Level.near`, step by step."""
 
@@ -71,7 +93,9 @@ class OutlineFit:
     """A candidate after the outline stage: pose from the problem's origin and its covariance (6,6).
 
     Within `near` px the outlines coincide over a `share` of the boundary; `near` is infinite where they do
-    not and the pose is the moments'. `front`: all regions are seen from the side their faces are wound for.
+    not and the pose is the moments'. `evidence` is the logarithm of how much likelier the distances are than
+    if no part of the boundary lay on the outline. `front`: all regions are seen from the side their faces
+    are wound for; `exact`: even the pixels agree.
     """
 
     rotation: FloatArray
@@ -79,7 +103,9 @@ class OutlineFit:
     covariance: FloatArray
     share: float
     near: float
+    evidence: float
     front: bool
+    exact: bool = False
 
 
 class Contours:
@@ -106,52 +132,114 @@ class Contours:
 
 
 def fit_outlines(
+    level: Level, contours: Contours, rotation: FloatArray, translation: FloatArray, covariance: FloatArray
+) -> list[OutlineFit]:
+    """Fits near a moment solution with its covariance (6,6) where outlines coincide, best first; maybe none.
+
+    Each local optimum of the search is refined by itself: which of them is right shows only then.
+    """
+    pairs = contours.pairs(level, rotation, translation)
+    found = _optima(level, contours.problem.camera, pairs, rotation, translation, covariance)
+    fits = [_refined(level, contours, pairs, *pose) for pose in found]
+    locked = [fit for fit in fits if fit is not None]
+    return _apart(contours.problem.camera, pairs, sorted(locked, key=lambda fit: -fit.evidence), level)
+
+
+def unlocked(
     contours: Contours, rotation: FloatArray, translation: FloatArray, covariance: FloatArray
 ) -> OutlineFit:
-    """Search near a moment solution with its covariance (6,6), level by level until one locks."""
-    for level in LEVELS:
-        fit = _fit_at(level, contours, rotation, translation, covariance)
-        if fit.near < np.inf:
-            break
-    return fit
+    """Moment solution as it is, where outlines coincide nowhere."""
+    pairs = contours.pairs(LEVELS[0], rotation, translation)
+    front = all(pair.surface.front for pair in pairs)
+    return OutlineFit(rotation, translation, covariance, 0.0, np.inf, 0.0, front)
 
 
-def _fit_at(
-    level: Level, contours: Contours, rotation: FloatArray, translation: FloatArray, covariance: FloatArray
-) -> OutlineFit:
+def finished(contours: Contours, fit: OutlineFit) -> OutlineFit:
+    """Give a fit to a fraction of a pixel its last accuracy: between the pixels, or averaged further."""
+    if fit.near != LEVELS[0].near:
+        return fit
     camera = contours.problem.camera
-    pairs = contours.pairs(level, rotation, translation)
-    turned, moved = _nearest_consensus(level, camera, pairs, rotation, translation, covariance)
-    turned, moved = refine_by_contours(camera, pairs, turned, moved, [s * level.near for s in SCALES])
+    exact = fit_between_pixels(camera, contours.problem.outlines, fit.rotation, fit.translation)
+    if exact is not None:
+        rotation, translation, covariance = exact
+        return replace(fit, rotation=rotation, translation=translation, covariance=covariance, exact=True)
+    if fit.share < SURE_SHARE:  # wrong fits lock rarely, and never on the pixel
+        doubt = moment_covariance(contours.problem.moments, fit.rotation, fit.translation)
+        share = FALSE_LOCKS / len(contours.problem.outlines) ** 2
+        return replace(fit, covariance=fit.covariance + share * doubt)
+    if fit.share < CLEAN_SHARE:
+        return fit
+    pairs = contours.pairs(CLEAN, fit.rotation, fit.translation)
+    turned, moved = refine_by_contours(camera, pairs, fit.rotation, fit.translation, SCALES[-3:])
+    matches = [match(camera, pair, turned, moved) for pair in pairs]
+    spread = outline_covariance(pairs, matches, SCALES[-1] * fit.near, 0.0)
+    return replace(fit, rotation=turned, translation=moved, covariance=spread)
+
+
+def _refined(
+    level: Level,
+    contours: Contours,
+    pairs: Sequence[ContourPair],
+    rotation: FloatArray,
+    translation: FloatArray,
+) -> OutlineFit | None:
+    """Robust Gauss-Newton from a pose; None if the outlines do not lock there."""
+    camera = contours.problem.camera
+    turned, moved = refine_by_contours(camera, pairs, rotation, translation, [s * level.near for s in SCALES])
     matches = [match(camera, pair, turned, moved) for pair in pairs]
     distances = np.concatenate([found.distances for found in matches])
     share = float(np.mean(np.abs(distances) < level.near))
-    front = all(pair.surface.front for pair in pairs)
     if lock_ratio(distances, level.near) < level.ratio + ALONE / len(pairs) or share < level.share:
-        return OutlineFit(rotation, translation, covariance, share, np.inf, front)
-    if level is LEVELS[0] and share > CLEAN_SHARE:
-        pairs = contours.pairs(CLEAN, turned, moved)
-        turned, moved = refine_by_contours(camera, pairs, turned, moved, SCALES[-3:])
-        matches = [match(camera, pair, turned, moved) for pair in pairs]
+        return None
     spread = outline_covariance(pairs, matches, SCALES[-1] * level.near, level.bias)
-    return OutlineFit(turned, moved, spread, share, level.near, front)
+    evidence = sum(
+        _log_evidence(found.distances, level.near) * pair.surface.spacing * BLOCKS / level.block
+        for pair, found in zip(pairs, matches, strict=True)
+    )
+    front = all(pair.surface.front for pair in pairs)
+    return OutlineFit(turned, moved, spread, share, level.near, evidence, front)
 
 
-def _nearest_consensus(
+def _log_evidence(distances: FloatArray, near: float) -> float:
+    """Log-likelihood of distances (px) being partly on the outline, against all being anywhere beside it."""
+    width = SHARP * near
+    size = np.where(np.isfinite(distances), distances, np.inf)
+    density = np.exp(-0.5 * (size / width) ** 2) * 2.0 * BEYOND * near / (width * np.sqrt(2.0 * np.pi))
+    return float(np.max(np.log1p(SHARES[:, None] * (density - 1.0)).sum(axis=1)))
+
+
+def _optima(
     level: Level,
     camera: Camera,
     pairs: Sequence[ContourPair],
     rotation: FloatArray,
     translation: FloatArray,
     covariance: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Pose with most of the boundary on the outline; a second search starts from the first one's result."""
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Poses with most of the boundary on the outline; a second search starts from the first one's best."""
     generator = np.random.default_rng(20)  # the same input gives the same pose
+    poses: list[tuple[FloatArray, FloatArray]] = []
     for spread in (1.0, 0.25):
         offsets = outline_offsets(camera, pairs, rotation, translation)
         found = search_consensus(offsets, spread * covariance, generator, level.near)
-        rotation = exp_so3(found.steps[0, :3]) @ rotation
-        translation = translation + found.steps[0, 3:]
+        followed = found.steps[found.scores > WORTHY * found.scores[0]][:MOST_OPTIMA]
+        here = [(exp_so3(step[:3]) @ rotation, translation + step[3:]) for step in followed]
+        poses = here + poses[1:]  # the best of before has been searched around
+        rotation, translation = here[0]
         if found.shares[0] > SURE_SHARE:
             break
-    return rotation, translation
+    return poses
+
+
+def _apart(
+    camera: Camera, pairs: Sequence[ContourPair], fits: Sequence[OutlineFit], level: Level
+) -> list[OutlineFit]:
+    """Fits without those whose boundary lies where that of an earlier one does."""
+    points = np.concatenate([pair.surface.points[::8] for pair in pairs])
+    kept: list[tuple[OutlineFit, FloatArray]] = []
+    for fit in fits:
+        drawn = camera.project(points @ fit.rotation.T + fit.translation)
+        off = [np.nanmean(np.sum((drawn - other) ** 2, axis=1)) for _, other in kept]
+        if all(np.sqrt(size) > SAME * level.near for size in off):
+            kept.append((fit, drawn))
+    return [fit for fit, _ in kept]

@@ -107,7 +107,7 @@ class _LensFit:
 
 def _calibrated(problem: Problem, fit: _LensFit, level: Level, start: RegionPose) -> CalibratedPose:
     outlines = OutlineFit(
-        fit.rotation, fit.translation, fit.covariance[:6, :6], fit.share(level), level.near, True
+        fit.rotation, fit.translation, fit.covariance[:6, :6], fit.share(level), level.near, 0.0, True
     )
     pose = replace(
         posed(problem, outlines),

@@ -42,6 +42,8 @@ def _rasters(pair: MomentPair, rotation: FloatArray, translation: FloatArray) ->
     for parts in ([pair.outline], projected):
         mask = np.zeros((height, width), dtype=bool)
         for a, b in parts:
+            if not (np.all(np.isfinite(a)) and np.all(np.isfinite(b))):
+                continue  # not seen at all from there
             mask |= fill_edges((a - low) * scale, (b - low) * scale, width, height)
         filled.append(mask)
     return filled[0], filled[1]

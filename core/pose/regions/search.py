@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...arrays import ArrayLike, FloatArray
 from ...errors import PoseNotFound
 from ..pose import Pose
 from .algebraic import Candidates, joined, moment_costs, refine_by_moments
@@ -26,7 +25,7 @@ HOPELESS = 100.0
 
 
 def moment_candidates(
-    problem: Problem, sketches: Sequence[MomentPair], up: ArrayLike | None = None, initial: Pose | None = None
+    problem: Problem, sketches: Sequence[MomentPair], initial: Pose | None = None
 ) -> Candidates:
     """Distinct poses that fit the moments, best first, from starts on some of the regions."""
     found = []
@@ -46,14 +45,4 @@ def moment_candidates(
         )
     fitted = distinct(refine_by_moments(problem.moments, several, 5))
     fitted = fitted[np.flatnonzero(fitted.costs < HOPELESS * fitted.costs[0])][:MOST_FITTED]
-    fitted = distinct(refine_by_moments(problem.moments, fitted, 20))
-    if up is not None:
-        fitted = _upright(fitted, np.asarray(up, dtype=np.float64))
-    return fitted
-
-
-def _upright(candidates: Candidates, up: FloatArray) -> Candidates:
-    """Keep the candidates in which `up` points up in the photo, unless there is none."""
-    upwards = -(candidates.rotations @ (up / np.linalg.norm(up)))[:, 1]
-    chosen = np.flatnonzero(upwards > 0)
-    return candidates[chosen] if len(chosen) else candidates
+    return distinct(refine_by_moments(problem.moments, fitted, 20))

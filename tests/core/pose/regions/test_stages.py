@@ -2,15 +2,15 @@ from dataclasses import replace
 
 import numpy as np
 from fresco.core.cameras import FisheyeCamera, PerspectiveCamera
-from fresco.core.geometry.rigid import exp_so3, rotation_angle
+from fresco.core.geometry.rigid import exp_so3, log_so3, rotation_angle
 from fresco.core.pose.regions.algebraic import Candidates, refine_by_moments
 from fresco.core.pose.regions.ambiguity import chosen
 from fresco.core.pose.regions.contour import LensStep, match
 from fresco.core.pose.regions.covariance import world_covariance
-from fresco.core.pose.regions.estimate import _overlapping
 from fresco.core.pose.regions.fitting import LEVELS, Contours, OutlineFit
 from fresco.core.pose.regions.focal import with_lens
 from fresco.core.pose.regions.initial import starting_poses
+from fresco.core.pose.regions.pixels import fit_between_pixels
 from fresco.core.pose.regions.problem import make_problem
 from fresco.core.settings import PoseSettings
 from region_scenes import Scene
@@ -96,14 +96,46 @@ def test_world_covariance_by_sampling():
     np.testing.assert_allclose(found, expected, atol=0.05 * np.abs(expected).max())
 
 
-def test_wrong_pose_whose_outlines_coincide_in_pieces_is_not_chosen():
-    """Neither a false lock nor a fit found earlier wins against the one that overlaps."""
+def test_of_poses_whose_outlines_do_not_lock_the_best_comes_first():
     scene, problem, rotation, translation = problem_of(CAMERA)
     turned, shifted = exp_so3([0.0, 0.6, 0.0]) @ rotation, translation + np.array([0.4, 0.0, 0.3])
-    false_lock = OutlineFit(turned, shifted, 1e-6 * np.eye(6), 0.14, LEVELS[0].near, True)
-    right = OutlineFit(rotation, translation, 1e-6 * np.eye(6), 0.3, np.inf, True)
-    limit = PoseSettings().overlap_limit
-    assert _overlapping(problem, [false_lock, right], limit) == [right]
-    unlocked = replace(false_lock, near=np.inf)
-    pose = chosen(problem, [unlocked, right], None, PoseSettings())
+    wrong = OutlineFit(turned, shifted, 1e-6 * np.eye(6), 0.14, np.inf, 0.0, True)
+    right = replace(wrong, rotation=rotation, translation=translation)
+    pose = chosen(Contours(problem), [wrong, right], None, None, PoseSettings())
     np.testing.assert_allclose(pose.rotation, scene.rotation, atol=1e-9)
+
+
+def test_a_weaker_lock_nearby_widens_the_covariance_and_one_far_off_is_an_alternative():
+    _, problem, rotation, translation = problem_of(CAMERA)
+    level = LEVELS[1]
+    best = OutlineFit(rotation, translation, 1e-8 * np.eye(6), 0.7, level.near, 20.0, True)
+    contours = Contours(problem)
+    alone = chosen(contours, [best], None, None, PoseSettings())
+    near = replace(best, rotation=exp_so3([0.0, 0.01, 0.0]) @ rotation, evidence=19.5)
+    wide = chosen(contours, [best, near], None, None, PoseSettings())
+    assert wide.rotation_sigma > 10 * alone.rotation_sigma
+    assert not wide.ambiguous
+    far = replace(best, rotation=exp_so3([0.0, 0.1, 0.0]) @ rotation, evidence=19.5)
+    two = chosen(contours, [best, far], None, None, PoseSettings())
+    assert two.ambiguous
+    assert len(two.alternatives) == 1
+    weak = replace(far, evidence=10.0)
+    assert not chosen(contours, [best, weak], None, None, PoseSettings()).ambiguous
+
+
+def test_boundary_between_pixels_is_found_closer_than_by_smoothing():
+    _, problem, rotation, translation = problem_of(CAMERA)
+    start = exp_so3([3e-4, -3e-4, 3e-4]) @ rotation
+    turned, moved, covariance = fit_between_pixels(CAMERA, problem.outlines, start, translation)
+    assert np.degrees(rotation_angle(turned @ rotation.T)) < 0.01
+    error = np.concatenate([log_so3(turned @ rotation.T), moved - translation])
+    assert error @ np.linalg.solve(covariance, error) < 30
+
+
+def test_outlines_that_are_no_pixels_are_not_fitted_between_them():
+    _, problem, rotation, translation = problem_of(CAMERA)
+    pair = problem.outlines[0]
+    drawn = replace(pair, outlines=tuple(loop[::5] for loop in pair.outlines))
+    assert fit_between_pixels(CAMERA, [drawn], rotation, translation) is None
+    away = translation + np.array([0.0, 0.05, 0.0])
+    assert fit_between_pixels(CAMERA, [pair], rotation, away) is None
