@@ -13,6 +13,7 @@ from typing import Literal
 from ..arrays import FloatArray
 from ..photos.photo import Photo
 from ..settings import PoseSettings, ScanSettings, TextureSettings
+from .delivery import DeliverySettings
 from .imported import ImportedCameras
 from .refinement import RefineSettings
 
@@ -64,7 +65,9 @@ class PhotoEntry:
     """A photo of the project; a given `pose` (rotation (3,3), translation (3,)) is not solved again.
 
     `imported` is its pose in the world of the program that its camera was imported from. `refine` tells
-    whether its pose may be moved by refinement; others are tied to one that may not.
+    whether its pose may be moved by refinement; others are tied to one that may not. `layer` names the set of
+    photos that it belongs to (raking light, infrared); `priority` prefers it for texture, in octaves of texel
+    size.
     """
 
     photo: Photo
@@ -72,13 +75,16 @@ class PhotoEntry:
     pose: tuple[FloatArray, FloatArray] | None = None
     refine: bool = True
     imported: tuple[FloatArray, FloatArray] | None = None
+    layer: str = ""
+    priority: float = 0.0
 
 
 @dataclass(frozen=True)
 class OutputEntry:
     """What is written, and where; `name` begins the name of every file.
 
-    `cameras` are the formats of other programs that the solved cameras are written in.
+    `cameras` are the formats of other programs that the solved cameras are written in; `colours` asks for a
+    .ply with a colour per vertex.
     """
 
     folder: Path
@@ -88,6 +94,7 @@ class OutputEntry:
     obj: bool = True
     report: bool = True
     cameras: tuple[str, ...] = ()
+    colours: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,3 +111,4 @@ class Project:
     texture: TextureSettings
     output: OutputEntry
     cameras: ImportedCameras | None = None
+    atlas: DeliverySettings | None = None

@@ -27,7 +27,10 @@ from .table import Table, hint
 T = TypeVar("T")
 
 _USES: tuple[Use, ...] = ("texture", "pose", "none")
-_KEYS = ("path", "camera", "regions", "mask", "use", "pose", "refine")
+_KEYS = ("path", "camera", "regions", "mask", "use", "pose", "refine", "layer", "priority")
+_LARGEST_PRIORITY = 20.0
+"""Octaves of texel size beyond which a photo wins or loses everywhere anyway."""
+_NOT_IN_NAMES = '/\\:*?"<>|'
 
 
 @dataclass
@@ -163,7 +166,21 @@ def _entry(
     # a pose that was given is right unless its photo says that it may be moved
     refine = sources["refine"].flag("refine", True) if "refine" in sources else pose is None
     elsewhere = (posed.rotation, posed.translation) if posed is not None and pose is None else None
-    return PhotoEntry(_photo(draft, cameras, size, posed), use, pose, refine, elsewhere)
+    photo, layer, priority = _photo(draft, cameras, size, posed), _layer(draft), 0.0
+    if "priority" in sources:
+        priority = sources["priority"].number("priority", -_LARGEST_PRIORITY, _LARGEST_PRIORITY)
+    return PhotoEntry(photo, use, pose, refine, elsewhere, layer, priority)
+
+
+def _layer(draft: _Draft) -> str:
+    """Name of the set that a photo belongs to; it becomes part of file names."""
+    table = draft.sources.get("layer")
+    if table is None:
+        return ""
+    name = table.text("layer")
+    if any(sign in name for sign in _NOT_IN_NAMES):
+        table.fail("layer", f"“{name}” cannot be part of a file name on every system")
+    return name
 
 
 def _photo(

@@ -43,6 +43,7 @@ def provenance(
     poses: Sequence[PhotoPose],
     textured: TexturedScan,
     seconds: Mapping[str, float],
+    layers: Mapping[str, TexturedScan] | None = None,
 ) -> dict[str, Any]:
     """Everything needed to tell later how a result was made, as plain numbers and texts.
 
@@ -73,11 +74,22 @@ def provenance(
             "offset": scan.offset.tolist(),
             "report": list(scan.report),
         },
-        "photos": [_photo(e, p, scan, textured) for e, p in zip(project.photos, poses, strict=True)],
+        "photos": [
+            _photo(entry, pose, scan, (layers or {}).get(entry.layer, textured))
+            for entry, pose in zip(project.photos, poses, strict=True)
+        ],
         "texture": {
             "faces": len(textured.faces),
             "coverage": textured.coverage,
             "photo_per_face": f"{project.output.name}_faces.npz",
+        },
+        "layers": {
+            name: {
+                "coverage": one.coverage,
+                "photo_per_face": f"{project.output.name}_{name}_faces.npz",
+            }
+            for name, one in (layers or {}).items()
+            if name
         },
         "seconds": {name: round(value, 3) for name, value in seconds.items()},
     }
@@ -119,6 +131,8 @@ def local_translation(rotation: FloatArray, translation: FloatArray, offset: Flo
 def _photo(entry: PhotoEntry, result: PhotoPose, scan: Scan, textured: TexturedScan) -> dict[str, Any]:
     out: dict[str, Any] = {
         "name": entry.photo.name,
+        "layer": entry.layer,
+        "priority": entry.priority,
         "file": entry.photo.path.name,
         "use": entry.use,
         "camera": camera_to_dict(entry.photo.camera),

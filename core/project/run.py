@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,16 +16,15 @@ from ..files import replacing
 from ..jobs import Job, Progress, drain, part
 from ..photos.image import check_complete
 from ..photos.photo import Photo
-from ..photos.view import View
 from ..pose.pose import Pose
 from ..regions.surface_region import SurfaceRegion
 from ..scans.read import read_scan_job
 from ..scans.scan import Scan
 from ..settings import ScanSettings
-from ..texture import write_obj_job
 from .digest import file_digest
 from .entries import PhotoEntry, Project
 from .exported import cameras_path, solved_cameras, write_cameras
+from .models import layer_ending, models_job, output_path
 from .photo_pose import PhotoPose
 from .placing import place_cameras
 from .poses import solve_poses_job
@@ -33,7 +32,7 @@ from .provenance import local_translation, provenance, write_photo_per_face, wri
 from .refinement import RefineSettings, refine_poses_job, view_of
 from .store import Store
 from .surfaces import check_partners, region_faces, surface_regions
-from .textures import TexturedScan, texture_scan_job
+from .textures import TexturedScan, texture_layers_job
 
 Result = TypeVar("Result")
 
@@ -43,7 +42,9 @@ class ProjectResult:
     """What a run has found. All coordinates are local to the scan: world = local + `scan.offset`.
 
     `poses` has one result per photo of `project.photos`; `region_faces` the scan's faces of every region;
-    `provenance` is what the JSON file beside the output says; `seconds` the time of every stage.
+    `provenance` is what the JSON file beside the output says; `seconds` the time of every stage. `layers` has
+    the texture of every set of photos by its name; `textured` is that of the photos without a `layer`, else
+    the first one.
     """
 
     project: Project
@@ -55,6 +56,7 @@ class ProjectResult:
     provenance: dict[str, Any]
     seconds: dict[str, float]
     occluders: tuple[Scan, ...] = ()
+    layers: dict[str, TexturedScan] = field(default_factory=dict)
 
     @property
     def photos(self) -> list[Photo]:
@@ -88,19 +90,19 @@ def run_project_job(project: Project) -> Job[ProjectResult]:
     if project.refine != RefineSettings():
         job = _timed(_refine_job(project, scan, poses, store), clock, "refinement")
         poses = yield from part(job, 0.35, 0.55)
-    views = _views(project, poses)
-    texture_job = texture_scan_job(scan, views, project.texture, occluders, store)
-    textured = yield from part(_timed(texture_job, clock, "texture"), 0.55, 0.9)
-    if project.output.obj:
-        yield from part(_timed(_obj_job(project, scan, textured), clock, "obj"), 0.9, 1.0)
+    texture_job = _texture_job(project, scan, poses, occluders, store)
+    layers = yield from part(_timed(texture_job, clock, "texture"), 0.55, 0.9)
+    textured = layers.get("") or next(iter(layers.values()))
+    yield from part(_timed(models_job(project, scan, layers, store), clock, "models"), 0.9, 1.0)
     for file_format in project.output.cameras:
         path = cameras_path(project.output.folder, project.output.name, file_format)
         write_cameras(path, solved_cameras([e.photo for e in project.photos], poses, scan), file_format)
-    record = provenance(project, digests, scan, poses, textured, clock)
-    write_photo_per_face(output_path(project, "_faces.npz"), scan, textured)
+    record = provenance(project, digests, scan, poses, textured, clock, layers)
+    for name, of_layer in layers.items():
+        write_photo_per_face(output_path(project, layer_ending(name, "_faces.npz")), scan, of_layer)
     write_provenance(output_path(project, "_provenance.json"), record)
     hiding = tuple(occluders)
-    return ProjectResult(project, scan, faces, surfaces, poses, textured, record, clock, hiding)
+    return ProjectResult(project, scan, faces, surfaces, poses, textured, record, clock, hiding, layers)
 
 
 def _check_texturable(project: Project) -> None:
@@ -108,11 +110,6 @@ def _check_texturable(project: Project) -> None:
     if all(entry.use == "pose" for entry in project.photos):
         reason = 'all photos have "pose", so none gives texture; write use = "texture" for those that may'
         raise ProjectError(project.path, "photo.use", reason)
-
-
-def output_path(project: Project, ending: str) -> Path:
-    """Path of an output file, such as `output_path(project, ".glb")`."""
-    return project.output.folder / (project.output.name + ending)
 
 
 def _timed(job: Job[Result], clock: dict[str, float], stage: str) -> Job[Result]:
@@ -236,21 +233,21 @@ def _given(entry: PhotoEntry, scan: Scan) -> PhotoPose:
     return PhotoPose(entry.photo.name, Pose(rotation, local, np.full((6, 6), np.nan)), given=True)
 
 
-def _views(project: Project, poses: list[PhotoPose]) -> list[View]:
-    """Posed photos for texturing."""
-    return [
-        view_of(entry.photo, result)
+def _texture_job(
+    project: Project, scan: Scan, poses: list[PhotoPose], occluders: list[Scan], store: Store
+) -> Job[dict[str, TexturedScan]]:
+    """Texture every layer from the photos that have a pose and may be used for it."""
+    used = [
+        (entry, result)
         for entry, result in zip(project.photos, poses, strict=True)
         if entry.use == "texture" and result.solved
     ]
-
-
-def _obj_job(project: Project, scan: Scan, textured: TexturedScan) -> Job[Path]:
-    return write_obj_job(
-        output_path(project, ".obj"),
-        textured.vertices,
-        textured.faces,
-        textured.selection,
-        textured.views,
-        scan.offset,
+    return texture_layers_job(
+        scan,
+        [view_of(entry.photo, result) for entry, result in used],
+        [entry.layer for entry, _ in used],
+        project.texture,
+        occluders,
+        store,
+        [entry.priority for entry, _ in used],
     )
