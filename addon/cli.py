@@ -107,19 +107,27 @@ def run_job(project: Project) -> Job[ProjectResult]:
     """Solve, texture, show everything in a new scene, and write what the project asks for."""
     import bpy
 
+    from ..core.project.repeated import are_unchanged, keep_unchanged, outputs_key
+    from ..core.project.store import Store
     from ..core.report import project_report
     from .bridge.projects import previews_job, show_result
     from .outputs import Wanted, outputs_job
     from .preferences import preview_size
 
-    result = yield from part(run_project_job(project), 0.0, 0.8)
+    versions = {"blender": bpy.app.version_string}
+    result = yield from part(run_project_job(project, versions), 0.0, 0.8)
+    output = project.output
+    wanted = Wanted(output.folder.resolve(), output.name, output.glb, False, output.report, output.blend)
+    store, key = Store(output.folder / "cache"), outputs_key(result.provenance)
+    if are_unchanged(store, wanted.paths, key):
+        yield Progress(1.0, "Everything is as the last run has written it")
+        return result
     previews = yield from part(previews_job(project, preview_size(bpy.context)), 0.8, 0.85)
     yield Progress(0.85, "Building the scene")
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     show_result(bpy.context, result, previews)
-    output = project.output
-    wanted = Wanted(output.folder.resolve(), output.name, output.glb, False, output.report, output.blend)
     yield from part(outputs_job(bpy.context, wanted, result.scan, project_report(result)), 0.87, 1.0)
+    keep_unchanged(store, wanted.paths, key)
     return result
 
 

@@ -40,6 +40,12 @@ class Wanted:
         """Path of an output file."""
         return self.folder / (self.name + ending)
 
+    @property
+    def paths(self) -> list[Path]:
+        """Paths of all files that are wanted."""
+        endings = {".glb": self.glb, ".obj": self.obj, "_report.html": self.report, ".blend": self.blend}
+        return [self.path(ending) for ending, on in endings.items() if on]
+
 
 def outputs_job(context: bpy.types.Context, wanted: Wanted, scan: Scan, report: Report) -> Job[list[Path]]:
     """Write what is wanted; each file appears complete or not at all. Raises OutputError."""

@@ -11,7 +11,8 @@ import numpy as np
 from ..arrays import FloatArray
 from ..errors import ProjectError
 from ..scans.read import READERS
-from ..settings import EdgeSettings, JointSettings, PoseSettings, ScanSettings, TextureSettings
+from ..settings import AtlasSettings, EdgeSettings, JointSettings, PoseSettings, ScanSettings, TextureSettings
+from .delivery import DeliverySettings
 from .entries import LabelSource, OutputEntry, Project, RegionEntries, ScanEntry
 from .exported import FORMATS
 from .photos import read_photos
@@ -49,6 +50,7 @@ def load_project(path: Path | str) -> Project:
         texture=_settings(root.table("texture"), TextureSettings),
         output=_output(root.table("output"), path),
         cameras=cameras,
+        atlas=_atlas(root),
     )
     root.finish()
     return project
@@ -82,6 +84,15 @@ def _refine(table: Table) -> RefineSettings:
     chosen = RefineSettings(_optional(table, "edges", EdgeSettings), _optional(table, "joint", JointSettings))
     table.finish()
     return chosen
+
+
+def _atlas(root: Table) -> DeliverySettings | None:
+    """What to bake, None when no atlas is asked for."""
+    if "atlas" not in root:
+        return None
+    table = root.table("atlas")
+    level, untouched = table.flag("level", True), table.flag("untouched", False)
+    return DeliverySettings(_settings(table, AtlasSettings), level, untouched)
 
 
 def _optional(table: Table, key: str, kind: type[Any]) -> Any:
@@ -184,5 +195,6 @@ def _output(table: Table, path: Path) -> OutputEntry:
         table.fail("name", f"“{name}” cannot be part of a file name on every system")
     wanted = {key: table.flag(key, True) for key in ("blend", "glb", "obj", "report")}
     formats = table.words("cameras", FORMATS)
+    wanted["colours"] = table.flag("colours", False)
     table.finish()
     return OutputEntry(folder, name, **wanted, cameras=formats)

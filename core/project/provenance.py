@@ -44,6 +44,7 @@ def provenance(
     textured: TexturedScan,
     seconds: Mapping[str, float],
     layers: Mapping[str, TexturedScan] | None = None,
+    versions: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
     """Everything needed to tell later how a result was made, as plain numbers and texts.
 
@@ -58,6 +59,7 @@ def provenance(
             "numpy": np.__version__,
             "scipy": scipy.__version__,
             "opencv": cv2.__version__,
+            **(versions or {}),
         },
         "project": project.path.name,
         "fingerprint": FINGERPRINT,

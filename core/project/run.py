@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -64,18 +64,18 @@ class ProjectResult:
         return [entry.photo for entry in self.project.photos]
 
 
-def run_project(project: Project) -> ProjectResult:
+def run_project(project: Project, versions: Mapping[str, str] | None = None) -> ProjectResult:
     """Run `run_project_job` to its end."""
-    return drain(run_project_job(project))
+    return drain(run_project_job(project, versions))
 
 
-def run_project_job(project: Project) -> Job[ProjectResult]:
+def run_project_job(project: Project, versions: Mapping[str, str] | None = None) -> Job[ProjectResult]:
     """Solve the poses of a project and texture its scan.
 
-    Writes the OBJ (if wanted), the photo per face and the provenance into the output folder; what
-    else is wanted is made from the result. All input is checked before the output folder is touched; finished
-    work is kept in its folder `cache` and taken over by the next run when its inputs are unchanged. Raises
-    the FrescoError that says what is wrong.
+    Writes models, cameras, the photo per face and the provenance into the output folder; what else is wanted
+    is made from the result. `versions` of programs beside this one go into the provenance. All input is
+    checked before the output folder is touched; finished work is kept in its folder `cache` and taken over by
+    the next run when its inputs are unchanged. Raises the FrescoError that says what is wrong.
     """
     clock: dict[str, float] = {}
     _check_texturable(project)
@@ -97,7 +97,7 @@ def run_project_job(project: Project) -> Job[ProjectResult]:
     for file_format in project.output.cameras:
         path = cameras_path(project.output.folder, project.output.name, file_format)
         write_cameras(path, solved_cameras([e.photo for e in project.photos], poses, scan), file_format)
-    record = provenance(project, digests, scan, poses, textured, clock, layers)
+    record = provenance(project, digests, scan, poses, textured, clock, layers, versions or {})
     for name, of_layer in layers.items():
         write_photo_per_face(output_path(project, layer_ending(name, "_faces.npz")), scan, of_layer)
     write_provenance(output_path(project, "_provenance.json"), record)
