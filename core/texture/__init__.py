@@ -2,6 +2,8 @@
 
 from ..photos.view import View
 from .atlas import Atlas, bake_atlas, bake_atlas_job
+from .colour_chart import ColourChart, find_colour_chart
+from .colour_correction import ColourCorrection, fit_correction
 from .deviation import Deviation, surface_deviation
 from .levelling import SeamLevels, level_seams, level_seams_job
 from .obj import write_obj, write_obj_job
@@ -12,6 +14,8 @@ from .split import SplitMesh, split_large_faces, split_large_faces_job
 
 __all__ = [
     "Atlas",
+    "ColourChart",
+    "ColourCorrection",
     "Deviation",
     "SeamLevels",
     "Selection",
@@ -20,6 +24,8 @@ __all__ = [
     "View",
     "bake_atlas",
     "bake_atlas_job",
+    "find_colour_chart",
+    "fit_correction",
     "level_seams",
     "level_seams_job",
     "select_views",

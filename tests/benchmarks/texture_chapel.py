@@ -191,16 +191,28 @@ _EXPOSURE = {0: -0.49, 3: 0.35, 6: -0.5, 8: 0.44, 12: 0.3, 15: -0.43, 18: 0.26, 
 _BLURRED = (6, 13, 20)
 
 
-def plan_shots(size: tuple[int, int] = (1500, 1000)) -> list[Shot]:
-    """Thirty places in the nave, with their exposures; three are out of focus."""
+def plan_shots(size: tuple[int, int] = (1500, 1000), pinhole: bool = False) -> list[Shot]:
+    """Thirty places in the nave, with their exposures; three are out of focus.
+
+    `pinhole`: lenses without distortion whose axis meets the middle of the frame, for programs that know no
+    others.
+    """
     poses = random_poses(np.random.default_rng(1), 1000, size)
     shots = []
     for number, chosen in enumerate(_CHOSEN):
         ev = _EXPOSURE.get(number, 0.0)
         exposure = 2.0**ev * np.array([1 + 0.12 * ev, 1.0, 1 - 0.12 * ev])
         view = replace(poses[chosen], name=f"shot{number:02d}")
+        if pinhole:
+            view = replace(view, camera=_pinhole(view.camera))
         shots.append(Shot(view, exposure, 2.5 if number in _BLURRED else 0.0))
     return shots
+
+
+def _pinhole(camera: PerspectiveCamera) -> PerspectiveCamera:
+    K = np.array(camera.K, dtype=float)
+    K[:2, 2] = (camera.width - 1) / 2, (camera.height - 1) / 2
+    return PerspectiveCamera(camera.width, camera.height, K)
 
 
 def random_poses(random: np.random.Generator, count: int, size: tuple[int, int]) -> list[View]:
@@ -261,13 +273,15 @@ def photograph(shot: Shot, mesh: Mesh, tile: ByteArray, samples: int = 2, noise:
     return np.clip(np.rint(255 * srgb + noise * random.normal(size=srgb.shape)), 0, 255).astype(np.uint8)
 
 
-def chapel_views(folder: Path, mesh: Mesh | None = None) -> tuple[list[View], list[View]]:
+def chapel_views(
+    folder: Path, mesh: Mesh | None = None, pinhole: bool = False
+) -> tuple[list[View], list[View]]:
     """Photos used and held out, as PNG files in `folder`, taken now if they are not there."""
     mesh = mesh or chapel_mesh()
     tile = painted_tile()
     folder.mkdir(parents=True, exist_ok=True)
     used, held = [], []
-    for number, shot in enumerate(plan_shots()):
+    for number, shot in enumerate(plan_shots(pinhole=pinhole)):
         path = folder / f"{shot.view.name}.png"
         if not path.exists():
             cv2.imwrite(str(path), photograph(shot, mesh, tile)[..., ::-1])
