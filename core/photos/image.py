@@ -12,9 +12,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..arrays import AnyArray, ByteArray
+from ..arrays import AnyArray, BoolArray, ByteArray
 from ..errors import PhotoError
 from .jpeg import jpeg_complete, jpeg_size
+from .tiff import is_tiff, tiff_header
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".jp2")
 """Photo formats, by lower-case file suffix."""
@@ -75,6 +76,28 @@ def image_size(path: Path | str) -> tuple[int, int]:
     return size
 
 
+def read_transparency(path: Path | str) -> BoolArray | None:
+    """Where a photo is opaque, (H,W), when it says so for its pixels (PNG, TIFF); None when all of it is.
+
+    Raises PhotoError.
+    """
+    path = Path(path)
+    if not _has_alpha(_read_bytes(path, _HEAD)):
+        return None
+    image = _decode(path, _read_complete(path), cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION)
+    if image.ndim != 3 or image.shape[2] != 4:
+        return None
+    opaque: BoolArray = image[:, :, 3] > np.iinfo(image.dtype).max // 2
+    return None if opaque.all() else opaque
+
+
+def _has_alpha(data: bytes) -> bool:
+    if data.startswith(b"\x89PNG\r\n\x1a\n") and len(data) > 25:
+        return data[25] in (4, 6)  # colour types with alpha. Source: PNG 1.2, 4.1.1
+    header = tiff_header(data) if is_tiff(data) else None
+    return header is not None and header.has_alpha
+
+
 def check_complete(path: Path | str, data: bytes | None = None) -> None:
     """Raise PhotoError when the file is missing, empty or cut off.
 
@@ -100,24 +123,8 @@ def _header_size(data: bytes) -> tuple[int, int] | None:
     if data.startswith(b"\x89PNG\r\n\x1a\n") and len(data) >= 24:
         width, height = struct.unpack_from(">II", data, 16)
         return int(width), int(height)
-    if data[:4] in (b"II*\x00", b"MM\x00*"):
-        return _tiff_size(data)
-    return None
-
-
-def _tiff_size(data: bytes) -> tuple[int, int] | None:
-    """Size from the tags 256 and 257 of the first directory. Source: TIFF 6.0, section 2."""
-    order = "<" if data.startswith(b"II") else ">"
-    (at,) = struct.unpack_from(order + "I", data, 4)
-    if at + 2 > len(data):
-        return None
-    (count,) = struct.unpack_from(order + "H", data, at)
-    size = {}
-    for entry in range(at + 2, min(at + 2 + 12 * count, len(data) - 11), 12):
-        tag, kind = struct.unpack_from(order + "HH", data, entry)
-        if tag in (256, 257):
-            (size[tag],) = struct.unpack_from(order + ("H" if kind == 3 else "I"), data, entry + 8)
-    return (int(size[256]), int(size[257])) if len(size) == 2 else None
+    header = tiff_header(data) if is_tiff(data) else None
+    return (header.width, header.height) if header is not None else None
 
 
 def _read_complete(path: Path) -> bytes:
@@ -138,6 +145,9 @@ def _read_bytes(path: Path, length: int = -1) -> bytes:
 
 
 def _decode(path: Path, data: bytes, flags: int) -> AnyArray:
+    header = tiff_header(data) if is_tiff(data) else None
+    if header is not None and header.is_float:
+        raise PhotoError(f"{path}: floating-point pixels are not supported; save the photo with 8 or 16 bits")
     try:
         image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
     except cv2.error as error:

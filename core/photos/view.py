@@ -10,6 +10,7 @@ import numpy as np
 from ..arrays import BoolArray, ByteArray, FloatArray
 from ..cameras.base import Camera
 from ..geometry.rigid import camera_centre
+from .image import read_transparency
 from .marks import check_mask, read_mask
 
 
@@ -37,12 +38,17 @@ class View:
 
     @property
     def usable(self) -> BoolArray | None:
-        """Mask (H,W) as an array, read where `mask` is a path; None when the whole photo may be used.
+        """Where the photo may be used, (H,W): in its mask and where it is opaque; None: everywhere.
 
-        Raises RegionError for a mask that is missing, damaged, empty or of another size than the camera.
+        Raises RegionError for a mask that is missing, damaged, empty or of another size than the camera;
+        PhotoError for a photo that cannot be read.
         """
-        if self.mask is None or isinstance(self.mask, np.ndarray):
-            return self.mask
-        mask = read_mask(self.mask)
-        check_mask(mask, self.camera.width, self.camera.height, str(self.mask))
-        return mask
+        opaque = None if isinstance(self.image, np.ndarray) else read_transparency(self.image)
+        if self.mask is None:
+            return opaque
+        if isinstance(self.mask, np.ndarray):
+            mask = self.mask
+        else:
+            mask = read_mask(self.mask)
+            check_mask(mask, self.camera.width, self.camera.height, str(self.mask))
+        return mask if opaque is None else mask & opaque

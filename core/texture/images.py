@@ -53,7 +53,10 @@ def _check_mask(name: str, view: View) -> None:
     if isinstance(view.mask, np.ndarray):
         height, width = view.mask.shape
     else:
-        width, height = image_size(view.mask)
+        try:
+            width, height = image_size(view.mask)
+        except PhotoError as error:
+            raise PhotoError(str(error).replace("photo", "mask")) from error
     if (width, height) != (view.camera.width, view.camera.height):
         raise PhotoError(
             f"{name}: the mask is {width} x {height} pixels, the photo {view.camera.width} x "

@@ -1,9 +1,25 @@
+import base64
+
 import cv2
 import numpy as np
 import pytest
 from fresco.core.cameras.perspective import PerspectiveCamera
 from fresco.core.errors import PhotoError
 from fresco.core.photos import camera_matrix, check_complete, image_size, read_deep_image, read_image
+from fresco.core.photos.image import read_transparency
+
+CMYK = (  # 32 x 24 pixels in four inks, as Adobe's programs write them
+    "/9j/7gAOQWRvYmUAZAAAAAAA/9sAQwADAgICAgIDAgICAwMDAwQGBAQEBAQIBgYFBgkICgoJCAkJCgwPDAoLDgsJCQ"
+    "0RDQ4PEBAREAoMEhMSEBMPEBAQ/8AAFAgAGAAgBEMRAE0RAFkRAEsRAP/EAB8AAAEFAQEBAQEBAAAAAAAAAAABAgME"
+    "BQYHCAkKC//EALUQAAIBAwMCBAMFBQQEAAABfQECAwAEEQUSITFBBhNRYQcicRQygZGhCCNCscEVUtHwJDNicoIJCh"
+    "YXGBkaJSYnKCkqNDU2Nzg5OkNERUZHSElKU1RVVldYWVpjZGVmZ2hpanN0dXZ3eHl6g4SFhoeIiYqSk5SVlpeYmZqi"
+    "o6Slpqeoqaqys7S1tre4ubrCw8TFxsfIycrS09TV1tfY2drh4uPk5ebn6Onq8fLz9PX29/j5+v/aAA4EQwBNAFkASw"
+    "AAPwD89Pht/wAsvwr4H/4VJ/06/pX6EeJfEn3/AN5+tfqnX1X8Nv8All+FH/CpP+nX9K8q8S+JPv8A7z9aK+q/ht/y"
+    "y/Cj/hUn/Tr+leU+JfEn3/3n60V9VfDb/ll+FH/CpP8Ap1/SvKvEviT7/wC8/Wiv5/8A4bf8svwr7V/4VJ/06/pX1X"
+    "4l8Sff/efrRX1X8Nv+WX4Uf8Kk/wCnX9K8p8S+JPv/ALz9aK+q/ht/yy/Cj/hUn/Tr+leVeJfEn3/3n60V9VfDb/ll"
+    "+FH/AAqT/p1/SvKvEviT7/7z9aK/n/8Aht/yy/Cvtb/hUn/Tr+lfVXiXxJ9/95+tFfVfw2/5ZfhR/wAKk/6df0ryrx"
+    "L4k+/+8/Wivqv4bf8ALL8KP+FSf9Ov6V5V4l8Sff8A3n60V9VfDb/ll+FH/CpP+nX9K8p8S+JPv/vP1or/2Q=="
+)
 
 
 def picture(width=61, height=43):
@@ -103,6 +119,57 @@ def test_sixteen_bits_keep_their_depth_when_asked(folder):
     path.write_bytes(cv2.imencode(".tif", deep[:, :, ::-1])[1].tobytes())
     np.testing.assert_array_equal(read_deep_image(path), deep)
     np.testing.assert_allclose(read_image(path), deep / 257, atol=1)
+
+
+def test_four_inks_become_rgb(folder):
+    path = folder / "cmyk.jpg"
+    path.write_bytes(base64.b64decode(CMYK))
+    v, u = np.mgrid[0:24, 0:32]
+    rgb = np.stack([8 * u, 10 * v, np.clip(255 - 4 * u - 4 * v, 0, 255)], axis=2)
+    assert image_size(path) == (32, 24)
+    assert np.abs(read_image(path).astype(int) - rgb).mean() < 2
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif"])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_a_grey_photo_has_three_equal_channels(folder, suffix, dtype):
+    if suffix == ".jpg" and dtype == np.uint16:
+        return
+    grey = picture()[..., 0].astype(dtype) * (257 if dtype == np.uint16 else 1)
+    path = folder / f"infrared{suffix}"
+    path.write_bytes(cv2.imencode(suffix, grey)[1].tobytes())
+    image = read_image(path)
+    assert image.shape == (43, 61, 3) and image.dtype == np.uint8
+    assert np.ptp(image, axis=2).max() == 0
+    assert np.abs(image[..., 0].astype(int) - picture()[..., 0]).max() <= (12 if suffix == ".jpg" else 1)
+    assert read_deep_image(path).dtype == dtype
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_transparent_pixels_are_told(folder, suffix, dtype):
+    full = np.iinfo(dtype).max
+    alpha = np.full((43, 61, 1), full, dtype)
+    alpha[:, :20] = 0
+    pixels = (picture().astype(np.int64) * full // 255).astype(dtype)
+    path = folder / f"cut out{suffix}"
+    path.write_bytes(cv2.imencode(suffix, np.concatenate([pixels, alpha], axis=2))[1].tobytes())
+    opaque = read_transparency(path)
+    assert opaque is not None
+    np.testing.assert_array_equal(opaque, alpha[..., 0] > 0)
+    assert image_size(path) == (61, 43)
+    assert read_transparency(save(folder / f"plain{suffix}", picture())) is None
+
+
+@pytest.mark.parametrize("options", [(), (cv2.IMWRITE_TIFF_COMPRESSION, 1)], ids=["logarithmic", "plain"])
+def test_floating_point_pixels_are_refused(folder, options):
+    path = folder / "float.tif"
+    path.write_bytes(cv2.imencode(".tif", picture().astype(np.float32) / 255, options)[1].tobytes())
+    for read in (read_image, read_deep_image):
+        with pytest.raises(
+            PhotoError, match=r"float\.tif: floating-point pixels .* save the photo with 8 or 16"
+        ):
+            read(path)
 
 
 def test_orientation_tag_does_not_turn_the_pixels(folder):
