@@ -8,6 +8,7 @@ from pathlib import Path
 import bpy
 
 from .settings import (
+    FrescoAtlasSettings,
     FrescoEdgeSettings,
     FrescoJointSettings,
     FrescoPoseSettings,
@@ -114,6 +115,18 @@ class FrescoPhoto(bpy.types.PropertyGroup):
     message: bpy.props.StringProperty(name="Message")
     hold: bpy.props.BoolProperty(
         name="Hold", description="Keep this pose when poses are refined; others are tied to it"
+    )
+    layer: bpy.props.StringProperty(
+        name="Layer",
+        description="Set that the photo gives texture with, such as infrared; each is a texture of its own",
+    )
+    priority: bpy.props.FloatProperty(
+        name="Priority",
+        min=-10,
+        max=10,
+        step=50,
+        precision=1,
+        description="Octaves of texel size by which the photo is preferred: 1 as if it were twice as fine",
     )
     refined: bpy.props.IntProperty(description="Number of refinements that the pose has gone through")
     joint_shift: bpy.props.FloatProperty(
@@ -236,6 +249,36 @@ class FrescoCompare(bpy.types.PropertyGroup):
     )
 
 
+class FrescoMaps(bpy.types.PropertyGroup):
+    """The map that is shown, and what was asked of coverage."""
+
+    legend: bpy.props.StringProperty(description="Legend of the map that is shown, as JSON")
+    coverage: bpy.props.StringProperty(description="Numbers of the coverage, one line each")
+    wanted_texel: bpy.props.FloatProperty(
+        name="Wanted pixel",
+        default=0.002,
+        min=1e-5,
+        subtype="DISTANCE",
+        precision=4,
+        description="Size on the surface that a photo's pixel should have at most",
+    )
+    count: bpy.props.IntProperty(
+        name="Places", default=5, min=1, max=50, description="Number of places for further photos"
+    )
+
+
+class FrescoDelivery(bpy.types.PropertyGroup):
+    """What is done to colours in atlas and vertex colours."""
+
+    level: bpy.props.BoolProperty(
+        name="Level seams", default=True, description="Level the seams that one gain per photo leaves"
+    )
+    untouched: bpy.props.BoolProperty(
+        name="Untouched colours",
+        description="Keep the pixels' colours as they are: no gains, no levelling, no blending",
+    )
+
+
 class FrescoScene(bpy.types.PropertyGroup):
     """Everything of one scene."""
 
@@ -256,6 +299,10 @@ class FrescoScene(bpy.types.PropertyGroup):
     edges: bpy.props.PointerProperty(type=FrescoEdgeSettings)
     joint: bpy.props.PointerProperty(type=FrescoJointSettings)
     compare: bpy.props.PointerProperty(type=FrescoCompare)
+    maps: bpy.props.PointerProperty(type=FrescoMaps)
+    atlas: bpy.props.PointerProperty(type=FrescoAtlasSettings)
+    delivery: bpy.props.PointerProperty(type=FrescoDelivery)
+    layer: bpy.props.StringProperty(description="The layer that the scan shows")
     texture: bpy.props.PointerProperty(type=FrescoTextureSettings)
     export: bpy.props.PointerProperty(type=FrescoExportSettings)
 
@@ -274,7 +321,16 @@ class FrescoScene(bpy.types.PropertyGroup):
         return next((region for region in self.regions if region.name == name), None)
 
 
-CLASSES = (FrescoMark, FrescoPhoto, FrescoRegion, FrescoExportSettings, FrescoCompare, FrescoScene)
+CLASSES = (
+    FrescoMark,
+    FrescoPhoto,
+    FrescoRegion,
+    FrescoExportSettings,
+    FrescoCompare,
+    FrescoMaps,
+    FrescoDelivery,
+    FrescoScene,
+)
 
 
 def attach() -> None:

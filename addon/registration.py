@@ -8,7 +8,9 @@ from . import cli, jobs, preferences, properties, settings
 from .operators import (
     calibration,
     cameras,
+    delivery,
     export,
+    maps,
     mending,
     partners,
     photos,
@@ -23,6 +25,7 @@ from .operators import (
 from .overlays import registration as overlays
 from .panels import base as base_panel
 from .panels import export as export_panel
+from .panels import maps as maps_panel
 from .panels import photos as photos_panel
 from .panels import pose as pose_panel
 from .panels import refine as refine_panel
@@ -47,8 +50,10 @@ _MODULES = (
     pose,
     refine,
     texture,
+    maps,
     project,
     export,
+    delivery,
     base_panel,
     scan_panel,
     photos_panel,
@@ -56,6 +61,7 @@ _MODULES = (
     pose_panel,
     refine_panel,
     texture_panel,
+    maps_panel,
     export_panel,
     tools,
     overlays,

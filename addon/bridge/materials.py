@@ -37,13 +37,13 @@ def pixels_from_uvs(uvs: FloatArray, width: int, height: int) -> FloatArray:
 
 
 def photo_material(
-    name: str, image: bpy.types.Image, existing: bpy.types.Material | None
+    name: str, image: bpy.types.Image, existing: bpy.types.Material | None, uv_name: str = UV_MAP
 ) -> bpy.types.Material:
     """Return the material that shows a photo: the existing one with its image put right, or a new one."""
     if existing is not None:
-        texture = next((n for n in existing.node_tree.nodes if n.type == "TEX_IMAGE"), None)
-        if texture is not None:
-            texture.image = image
+        nodes = {node.type: node for node in existing.node_tree.nodes}
+        if "TEX_IMAGE" in nodes and "UVMAP" in nodes:
+            nodes["TEX_IMAGE"].image, nodes["UVMAP"].uv_map = image, uv_name
             return existing
     material = _empty_material(name)
     nodes, links = material.node_tree.nodes, material.node_tree.links
@@ -54,7 +54,7 @@ def photo_material(
     texture.extension = "EXTEND"  # no wrapping at the frame's edge
     texture.location = (-500, 0)
     uv_map = nodes.new("ShaderNodeUVMap")
-    uv_map.uv_map = UV_MAP
+    uv_map.uv_map = uv_name
     uv_map.location = (-720, -160)
     gain = nodes.new("ShaderNodeMix")
     gain.name = gain.label = GAIN_NODE

@@ -11,13 +11,14 @@ from ...core.arrays import ByteArray, IntArray
 from ...core.jobs import Job, part
 from ...core.photos import Photo
 from ...core.project import Project, ProjectResult
+from ...core.project.delivery import DeliverySettings
 from ...core.scans import Scan
 from ...core.settings import EdgeSettings, JointSettings
 from ..settings import from_core
 from . import photos, regions, scans
 from .images import load_mask
 from .previews import preview_job
-from .texture import show_texture
+from .texture import show_layers
 
 Previews = Mapping[str, ByteArray | None]
 
@@ -71,11 +72,15 @@ def show_project(context: bpy.types.Context, opened: OpenedProject) -> None:
             photos.write_world_pose(context.scene, item, *entry.pose)
             item.state = "GIVEN"
         item.hold = not entry.refine
+        item.layer, item.priority = entry.layer, entry.priority
     from_core(fresco.scan_settings, project.scan.settings)
     from_core(fresco.pose, project.pose)
     from_core(fresco.edges, project.refine.edges or EdgeSettings())
     from_core(fresco.joint, project.refine.joint or JointSettings())
     from_core(fresco.texture, project.texture)
+    delivery = project.atlas or DeliverySettings()
+    from_core(fresco.atlas, delivery.atlas)
+    fresco.delivery.level, fresco.delivery.untouched = delivery.level, delivery.untouched
     output = project.output
     fresco.export.folder, fresco.export.name = str(output.folder.resolve()), output.name
     fresco.export.write_glb, fresco.export.write_obj = output.glb, output.obj
@@ -104,4 +109,4 @@ def show_result(context: bpy.types.Context, result: ProjectResult, previews: Pre
     items = context.scene.fresco.photos
     for solved in result.poses:
         photos.write_solution(context.scene, items[solved.photo], solved)
-    show_texture(context.scene, result.textured, [items[view.name] for view in result.textured.views])
+    show_layers(context.scene, result.layers)

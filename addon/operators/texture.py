@@ -7,11 +7,11 @@ from typing import Any
 import bpy
 
 from ...core.jobs import Job
-from ...core.project import TexturedScan, texture_scan_job
+from ...core.project.textures import TexturedScan, texture_layers_job
 from ...core.settings import TextureSettings
 from ..bridge.photos import read_view
 from ..bridge.scans import read_occluders, read_scan
-from ..bridge.texture import show_texture
+from ..bridge.texture import layer_names, show_layer, show_layers
 from ..jobs import JobOperator, StepOperator
 from ..settings import to_core
 from .regions import has_scan
@@ -37,15 +37,15 @@ class FRESCO_OT_texture_scan(JobOperator):
     def start(self, context: bpy.types.Context) -> Job[Any]:
         scene = context.scene
         photos = posed_photos(scene)
-        self._photos = [photo.name for photo in photos]
         scan = read_scan(scene)
         views = [read_view(scene, photo) for photo in photos]
+        layers, priorities = [p.layer.strip() for p in photos], [p.priority for p in photos]
         settings = to_core(scene.fresco.texture, TextureSettings)
-        return texture_scan_job(scan, views, settings, read_occluders(scene))
+        occluders = read_occluders(scene)
+        return texture_layers_job(scan, views, layers, settings, occluders, priorities=priorities)
 
-    def finish(self, context: bpy.types.Context, result: TexturedScan) -> None:
-        fresco = context.scene.fresco
-        show_texture(context.scene, result, [fresco.photos[name] for name in self._photos])
+    def finish(self, context: bpy.types.Context, result: dict[str, TexturedScan]) -> None:
+        show_layers(context.scene, result)
         show_photos(context)
 
 
@@ -95,4 +95,23 @@ class FRESCO_OT_show_texture(StepOperator):
         show_photos(context, self.equalised)
 
 
-CLASSES = (FRESCO_OT_texture_scan, FRESCO_OT_show_texture)
+class FRESCO_OT_next_layer(StepOperator):
+    bl_idname = "fresco.next_layer"
+    bl_label = "Next Layer"
+    bl_description = "Show the texture of the next set of photos: visible light, raking light, infrared"
+    bl_options = {"UNDO"}
+    step = "texture"
+
+    @classmethod
+    def ready(cls, context: bpy.types.Context) -> bool:
+        cls.poll_message_set("The texture has one layer; name another one for some photos and texture again")
+        return context.mode == "OBJECT" and len(layer_names(context.scene.fresco.scan)) > 1
+
+    def run(self, context: bpy.types.Context) -> None:
+        names = layer_names(context.scene.fresco.scan)
+        place = names.index(context.scene.fresco.layer) if context.scene.fresco.layer in names else -1
+        show_layer(context.scene, names[(place + 1) % len(names)])
+        show_photos(context)
+
+
+CLASSES = (FRESCO_OT_texture_scan, FRESCO_OT_show_texture, FRESCO_OT_next_layer)

@@ -6,7 +6,7 @@ import bpy
 
 from ..tools.prepared import STORE
 from ..tools.watch import WATCH
-from . import photo, scan
+from . import maps, photo, residuals, scan
 
 CLASSES = ()
 _handles: list[tuple[type, object]] = []  # Blender's handles of draw callbacks
@@ -18,6 +18,7 @@ def forget() -> None:
     WATCH.clear()
     photo.OUTLINES.clear()
     scan.SHAPES.clear()
+    residuals.RESIDUALS.clear()
 
 
 @bpy.app.handlers.persistent
@@ -50,6 +51,9 @@ def attach() -> None:
         (image_editor, photo.draw, "POST_PIXEL"),
         (view, scan.draw, "POST_VIEW"),
         (view, scan.draw_names, "POST_PIXEL"),
+        (image_editor, residuals.draw_on_photo, "POST_PIXEL"),
+        (view, residuals.draw_in_view, "POST_VIEW"),
+        (view, maps.draw, "POST_PIXEL"),
     ):
         _handles.append((space, space.draw_handler_add(callback, (), "WINDOW", stage)))
     for handlers, handler in _HANDLERS:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..settings import draw_settings
 from .base import FrescoPanel, draw_error
 
 
@@ -29,4 +30,22 @@ class FRESCO_PT_export(FrescoPanel, bpy.types.Panel):
         layout.operator("fresco.export", icon="EXPORT")
 
 
-CLASSES = (FRESCO_PT_export,)
+class FRESCO_PT_delivery(FrescoPanel, bpy.types.Panel):
+    bl_idname = "FRESCO_PT_delivery"
+    bl_parent_id = "FRESCO_PT_export"
+    bl_label = "Atlas and Vertex Colours"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, fresco = self.layout, context.scene.fresco
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        column = layout.column()
+        column.prop(fresco.delivery, "level")
+        column.prop(fresco.delivery, "untouched")
+        layout.operator("fresco.bake_atlas", icon="UV")
+        layout.operator("fresco.colour_vertices", icon="GROUP_VCOL")
+        draw_settings(layout, fresco.atlas)
+
+
+CLASSES = (FRESCO_PT_export, FRESCO_PT_delivery)

@@ -104,6 +104,10 @@ def draw_photo(layout: bpy.types.UILayout, context: bpy.types.Context, photo: Fr
     draw_rows(layout, [("Size", f"{width} × {height} px"), ("Lens", lens)])
     draw_text(layout, context, photo.camera_source, icon="CAMERA_DATA")
     layout.prop(photo, "use_texture")
+    row = layout.column()
+    row.active = photo.use_texture
+    row.prop(photo, "priority")
+    row.prop(photo, "layer")
     for background in photo.camera.data.background_images[:1]:
         layout.prop(background, "alpha", text="Photo opacity", slider=True)
         layout.prop(background, "display_depth", text="Photo depth", expand=True)

@@ -1,45 +1,27 @@
-"""Pictures of the report: photos with their regions, the model from two sides, maps."""
+"""Pictures of the report: photos with their regions."""
 
 from __future__ import annotations
 
-import colorsys
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from ..arrays import BoolArray, ByteArray, FloatArray
+from ..arrays import ByteArray, FloatArray
 from ..cameras import Camera
 from ..errors import FrescoError
 from ..photos.image import read_image
 from ..photos.marks import RegionMark
 from ..photos.photo import Photo
 from ..pose import Pose
-from ..project.textures import TexturedScan
 from ..regions.image_region import ImageRegion
 from ..regions.surface_region import SurfaceRegion
 
 DRAWN = (240, 160, 0)
 PROJECTED = (40, 120, 255)
-_UNSEEN = (120, 120, 124)
 _SHIFT = 4
 _BOUNDARY_STEPS = 8
 _JPEG_QUALITY = 82
-
-
-@dataclass(frozen=True, eq=False)
-class FaceMap:
-    """A colour for every face, (F,3) uint8 RGB, and its legend.
-
-    `entries` are (colour, text) of single colours; `ends` the texts at the ends of the scale `scale` (N,3).
-    """
-
-    title: str
-    colours: ByteArray
-    entries: tuple[tuple[tuple[int, int, int], str], ...] = ()
-    scale: ByteArray | None = None
-    ends: tuple[str, str] = ("", "")
 
 
 def draw_photo(
@@ -73,51 +55,6 @@ def projected_loops(camera: Camera, pose: Pose, surface: SurfaceRegion) -> list[
         breaks = np.flatnonzero(jump | ~np.isfinite(pixels).all(axis=1)[1:]) + 1
         runs += [run[np.isfinite(run).all(axis=1)] for run in np.split(pixels, breaks)]
     return [run for run in runs if len(run) > 1]
-
-
-def photo_map(textured: TexturedScan, names: list[str]) -> FaceMap:
-    """Which photo every face uses."""
-    palette = np.array([*(photo_colour(number) for number in range(len(names))), _UNSEEN], dtype=np.uint8)
-    view = textured.selection.view
-    shown = np.unique(view[view >= 0])
-    entries = [(photo_colour(int(number)), names[number]) for number in shown[:40]]
-    return FaceMap("Photo used", palette[view], (*entries, (_UNSEEN, "no photo")))
-
-
-def texel_map(textured: TexturedScan) -> FaceMap:
-    """Size of a photo's pixel on the surface, on a logarithmic scale from its 2nd to its 98th percentile."""
-    size = 1000 * textured.selection.texel_size.astype(np.float64)
-    known = (textured.selection.view >= 0) & np.isfinite(size) & (size > 0)
-    low, high = np.percentile(size[known], [2, 98]) if known.any() else (1.0, 1.0)
-    share = np.log(np.where(known, size, low) / low) / np.log(max(high / low, 1.001))
-    ends = (f"{low:.2g} mm", f"{high:.2g} mm (logarithmic)")
-    return _scale_map("Size of a photo pixel on the surface", share, known, ends)
-
-
-def shift_map(textured: TexturedScan) -> FaceMap | None:
-    """How far every face's photo disagrees with its neighbours; None where nothing could be compared."""
-    shift = textured.selection.predicted_shift.astype(np.float64)
-    known = np.isfinite(shift)
-    if not known.any():
-        return None
-    high = max(1.0, float(shift[known].max()))
-    share = np.where(known, shift, 0) / high
-    return _scale_map("Shift of the photo against the other photos", share, known, ("0 px", f"{high:.1f} px"))
-
-
-def _scale_map(title: str, share: FloatArray, known: BoolArray, ends: tuple[str, str]) -> FaceMap:
-    """Colours for values (F,) in 0..1 where they are known."""
-    scale = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[:, None], cv2.COLORMAP_VIRIDIS)[:, 0, ::-1]
-    colours = scale[np.rint(255 * np.clip(share, 0, 1)).astype(np.uint8)].astype(np.uint8)
-    colours[~known] = _UNSEEN
-    return FaceMap(title, colours, ((_UNSEEN, "not known"),), scale.astype(np.uint8), ends)
-
-
-def photo_colour(number: int) -> tuple[int, int, int]:
-    """Colour of a photo in maps; neighbours in the list differ in hue by the golden angle."""
-    lightness = (0.55, 0.42, 0.68)[number % 3]
-    r, g, b = colorsys.hls_to_rgb((0.07 + 0.381966 * number) % 1.0, lightness, 0.62)
-    return round(255 * r), round(255 * g), round(255 * b)
 
 
 def jpeg(image: ByteArray) -> bytes:

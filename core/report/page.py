@@ -12,7 +12,7 @@ import numpy as np
 
 from ..project.photo_pose import Method
 from .content import PhotoRow, Report
-from .figures import FaceMap
+from .maps import FaceMap
 from .style import STYLE
 
 _NOTHING = "–"

@@ -14,7 +14,8 @@ from ..project.run import ProjectResult
 from ..project.textures import TexturedScan
 from ..texture.render import shade_clay, shade_faces, shade_textured_job, trace_pixels_job
 from .content import Report, photo_rows, project_report
-from .figures import FaceMap, draw_photo, jpeg, photo_map, shift_map, texel_map
+from .figures import draw_photo, jpeg
+from .maps import FACE_MAPS, FaceMap
 from .page import Figure, page
 from .viewpoint import Viewpoint, facing, two_viewpoints
 
@@ -78,9 +79,8 @@ def _model_job(textured: TexturedScan) -> Job[tuple[list[Figure], list[Figure]]]
     used = textured.selection.view >= 0
     shown = textured.faces[used] if used.any() else textured.faces
     viewpoints = two_viewpoints(textured.vertices, shown, textured.views)
-    names = [view.name for view in textured.views]
-    shift = shift_map(textured)
-    maps = [photo_map(textured, names), texel_map(textured), *([shift] if shift else [])]
+    found = [make(textured) for make in FACE_MAPS.values()]
+    maps = [one for one in found if one is not None]
     # The maps are shown from the side that turns more of the textured surface to the viewer.
     seen = [len(facing(textured.vertices, shown, viewpoint)) for viewpoint in viewpoints]
     model: list[Figure] = []

@@ -77,7 +77,7 @@ def test_glb_has_the_gains_of_the_photos_as_factors_up_to_one(textured, target, 
     gain = np.array([[1.25, 1.0, 0.8], [0.5, 0.75, 1.0], [1.0, 1.0, 1.0]])
     selection = dataclasses.replace(once.selection, gain=gain)
     photos = list(textured.fresco.photos)
-    texture.write_texture(textured.fresco.scan, dataclasses.replace(once, selection=selection), photos)
+    texture.show_layers(textured, {"": dataclasses.replace(once, selection=selection)})
     bpy.ops.fresco.export()
     content = glb_json(target / "scan.glb")
     assert content["asset"]["extras"]["gain_scale"] == 1.25

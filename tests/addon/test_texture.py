@@ -134,7 +134,7 @@ def test_every_field_of_a_selection_is_kept_and_read_back(posed, module):
     for name, values in fields.items():
         per_face = name == "uv" or name in texture.MAPS
         assert len(values) == (len(first.faces) if per_face else len(first.views)), name
-    texture.write_texture(posed.fresco.scan, first, list(posed.fresco.photos))
+    texture.show_layers(posed, {"": first})
     again = vars(texture.read_texture(posed).selection)
     for name, values in fields.items():
         if values.dtype.kind == "U":

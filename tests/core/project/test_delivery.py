@@ -64,10 +64,7 @@ def test_a_run_bakes_an_atlas_that_shows_the_photos(corner, offset):
     library = (folder / "project_atlas.mtl").read_text()
     rng = np.random.default_rng(1)
     compared = 0
-    order = np.argsort(result.textured.selection.view, kind="stable")
-    photo_of = {
-        tuple(sorted(f)): n for f, n in zip(result.textured.faces.tolist(), range(len(faces)), strict=True)
-    }
+    number_of = {tuple(sorted(face)): n for n, face in enumerate(result.textured.faces.tolist())}
     images = {p: cv2.imread(str(folder / f"{p}.png"))[..., ::-1] for p in set(pages)}
     for face, page in [(faces[i], pages[i]) for i in rng.choice(len(faces), 60, replace=False)]:
         assert f"map_Kd {page}.png" in library

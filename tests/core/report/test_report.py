@@ -21,7 +21,8 @@ from fresco.core.project.textures import TexturedScan
 from fresco.core.regions import SurfaceRegion
 from fresco.core.report import Report, write_report, write_report_job
 from fresco.core.report.content import photo_rows
-from fresco.core.report.figures import PROJECTED, draw_photo, photo_map, projected_loops, shift_map, texel_map
+from fresco.core.report.figures import PROJECTED, draw_photo, projected_loops
+from fresco.core.report.maps import FACE_MAPS, photo_map, pose_shift_map, shift_map, texel_map
 from fresco.core.report.viewpoint import facing, two_viewpoints
 from fresco.core.scans.scan import Scan
 from fresco.core.texture import select_views
@@ -143,7 +144,10 @@ def test_the_page_holds_everything_and_needs_nothing_beside_it(report, tmp_path)
     path = write_report(report, tmp_path / "deep" / "bericht ä.html")
     source = path.read_text(encoding="utf-8")
     page = Page(source)
-    assert len(page.sources) == 4 + 4 + 2  # photos, scan and texture from two sides, two maps
+    maps = [make(report.textured) for make in FACE_MAPS.values()]
+    shown = sum(one is not None for one in maps)
+    assert 5 <= shown < len(maps)
+    assert len(page.sources) == 4 + 4 + shown  # photos, scan and texture from two sides, maps
     assert all(source.startswith("data:image/jpeg;base64,") for source in page.sources)
     assert all(page.alternatives) and not page.links
     assert not re.search(r"https?://|url\(|@import|<script", source)
@@ -226,12 +230,34 @@ def test_an_outline_across_the_seam_of_a_panorama_is_not_joined_over_the_picture
 
 
 def test_maps_have_a_colour_for_every_face_and_say_what_it_means(report):
-    photos = photo_map(report.textured, ["solved", "given"])
+    photos = photo_map(report.textured)
     assert [text for _, text in photos.entries] == ["solved", "given", "no photo"]
     assert len({tuple(colour) for colour in photos.colours}) == 3
     texels = texel_map(report.textured)
     assert texels.ends == ("2 mm", "3.5 mm (logarithmic)")
     assert len(texels.colours) == len(report.scan.faces)
+    for name, make in FACE_MAPS.items():
+        one = make(report.textured)
+        if one is not None:
+            assert one.colours.shape == (len(report.scan.faces), 3) and one.colours.dtype == np.uint8, name
+            assert one.title and one.entries
+
+
+def test_the_uncertainty_of_the_poses_is_told_on_the_surface(report):
+    assert pose_shift_map(report.textured) is None, "no photo's uncertainty is known"
+    sigma = np.radians(0.1)
+    views = list(report.textured.views)
+    covariance = np.diag([sigma**2] * 3 + [1e-12] * 3)
+    views[0] = dataclasses.replace(views[0], covariance=covariance)
+    textured = dataclasses.replace(report.textured, views=tuple(views))
+    found = pose_shift_map(textured)
+    assert found.ends[0] == "0 mm"
+    rows = photo_rows(dataclasses.replace(report, textured=textured))
+    middle = textured.vertices[textured.faces].mean(axis=1)[textured.selection.view == 0]
+    distance = np.median(np.linalg.norm(middle - views[0].centre, axis=1))
+    # a turn of sigma about two axes moves what is seen at a right angle by sqrt(2) sigma times the distance
+    assert rows[0].surface_shift == pytest.approx(1000 * np.sqrt(2) * sigma * distance, rel=0.4)
+    assert rows[1].surface_shift is None
 
 
 @settings(max_examples=40, deadline=None)
