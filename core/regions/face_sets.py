@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import BoolArray, FloatArray, IntArray
-from .surface_index import labelled, reduced_pairs
+from .surface_graph import labelled, reduced_pairs
 
 
 def grown_faces(inside: BoolArray, pair: IntArray, rounds: int = 1) -> BoolArray:

@@ -17,7 +17,8 @@ from ..jobs import Job, Progress
 from ..settings import RegionSettings
 from .frames import polygon_areas
 from .robust_fit import fit_plane
-from .surface_index import SurfaceIndex, labelled
+from .surface_graph import labelled
+from .surface_index import SurfaceIndex
 from .surface_region import SurfaceRegion
 from .surface_wand import grow_surface, region_faces
 
