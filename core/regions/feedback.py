@@ -123,17 +123,70 @@ def expected_covariance(
     turn, shift = np.asarray(rotation, dtype=np.float64), np.asarray(translation, dtype=np.float64)
     information = np.zeros((6, 6))
     for surface in surfaces:
-        for loop in surface.loops:
-            information += _information(camera, turn, shift, loop, sigma, correlation)
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    normalised = information / np.outer(scale, scale)
-    values = np.linalg.eigvalsh(normalised)
-    if not len(surfaces) or values[0] < 1e-12:
+        information += _region_information(camera, turn, shift, surface, sigma, correlation)
+    covariance = _inverse(information)
+    if covariance is None:
         raise RegionError(
             "These regions leave the camera's place open: mark one that is not so far or narrow."
         )
+    return covariance
+
+
+def additions(
+    camera: Camera,
+    rotation: ArrayLike,
+    translation: ArrayLike,
+    marked: Sequence[SurfaceRegion],
+    others: Sequence[SurfaceRegion],
+    sigma: float = 1.0,
+    correlation: float = 20.0,
+) -> list[tuple[int, float]]:
+    """Which of the scan's `others` would make the pose surest if it were marked beside `marked`.
+
+    -> (index, deviation in m that the camera centre's least certain direction then has), best first; without
+    those that are not whole in the photo. Further arguments as in `expected_covariance`.
+    """
+    turn, shift = np.asarray(rotation, dtype=np.float64), np.asarray(translation, dtype=np.float64)
+    known = np.zeros((6, 6))
+    for surface in marked:
+        known += _region_information(camera, turn, shift, surface, sigma, correlation)
+    found = []
+    for number, surface in enumerate(others):
+        if not _whole(camera, turn, shift, surface):
+            continue
+        covariance = _inverse(known + _region_information(camera, turn, shift, surface, sigma, correlation))
+        if covariance is not None:
+            found.append((number, float(np.sqrt(np.linalg.eigvalsh(covariance[3:, 3:])[2]))))
+    return sorted(found, key=lambda entry: entry[1])
+
+
+def _whole(camera: Camera, turn: FloatArray, shift: FloatArray, surface: SurfaceRegion) -> bool:
+    corners = np.concatenate(surface.loops) @ turn.T + shift
+    pixels = camera.project(corners)
+    return bool(np.all(np.isfinite(pixels)) and np.all(camera.in_frame(pixels)))
+
+
+def _inverse(information: FloatArray) -> FloatArray | None:
+    """Covariance of an information matrix (6,6), in scaled units; None where it leaves a motion open."""
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    normalised = information / np.outer(scale, scale)
+    if not np.any(information) or np.linalg.eigvalsh(normalised)[0] < 1e-12:
+        return None
     covariance: FloatArray = np.linalg.inv(normalised) / np.outer(scale, scale)
     return covariance
+
+
+def _region_information(
+    camera: Camera,
+    turn: FloatArray,
+    shift: FloatArray,
+    surface: SurfaceRegion,
+    sigma: float,
+    correlation: float,
+) -> FloatArray:
+    loops = [_information(camera, turn, shift, loop, sigma, correlation) for loop in surface.loops]
+    total: FloatArray = np.sum(loops, axis=0)
+    return total
 
 
 def _information(
@@ -154,12 +207,17 @@ def _information(
 
 
 def pose_advice(
-    covariance: FloatArray, rotation: ArrayLike, translation: ArrayLike, surfaces: Sequence[SurfaceRegion]
+    covariance: FloatArray,
+    rotation: ArrayLike,
+    translation: ArrayLike,
+    surfaces: Sequence[SurfaceRegion],
+    helpful: tuple[str, float] | None = None,
 ) -> str:
     """Say what is least certain about the coming pose and which region would help most.
 
-    The camera centre's least certain direction is named as seen from the camera; a region is asked for
-    whose outline sees that motion.
+    The camera centre's least certain direction is named as seen from the camera. `helpful` is the name of the
+    best addition (see `additions`) and the deviation (m) it leaves; without one that takes a third off, a
+    region is asked for whose outline sees that motion.
     """
     turn = np.asarray(rotation, dtype=np.float64)
     values, vectors = np.linalg.eigh(covariance[3:, 3:])
@@ -173,6 +231,8 @@ def pose_advice(
     distance = float(np.median([np.linalg.norm(surface.centre - centre) for surface in surfaces]))
     if sigma < 0.002 * distance:
         return said
+    if helpful is not None and helpful[1] < 0.7 * sigma:
+        return said + f" Mark “{helpful[0]}” as well: {_metric(helpful[1])} then."
     if len({_facing(surface) for surface in surfaces}) <= 1:
         return said + " Add a region on another wall, or well in front of or behind this one."
     return said + " Add a region far from the others in the photo."

@@ -1,10 +1,13 @@
 import numpy as np
 import pytest
 from fresco.core.errors import RegionError
-from fresco.core.geometry.rigid import exp_so3
-from fresco.core.regions import ImageRegion
-from fresco.core.regions.feedback import expected_covariance, pose_advice, region_quality
+from fresco.core.geometry.contours import resampled
+from fresco.core.geometry.rigid import exp_so3, log_so3
+from fresco.core.pose import estimate_pose
+from fresco.core.regions import ImageRegion, SurfaceRegion
+from fresco.core.regions.feedback import additions, expected_covariance, pose_advice, region_quality
 from photo_scenes import CAMERA, SHIFT, SURFACES, TURN, rectangle
+from scipy.ndimage import gaussian_filter1d
 
 
 def test_round_square_thin_tiny_and_cut_regions_are_told_apart():
@@ -63,3 +66,59 @@ def test_a_second_wall_makes_the_pose_surer_and_advice_asks_for_it():
     assert np.trace(more[3:, 3:]) < 0.3 * np.trace(one[3:, 3:])
     with pytest.raises(RegionError, match="leave the camera"):
         expected_covariance(CAMERA, TURN, SHIFT, [])
+
+
+ELL = SurfaceRegion(
+    np.array([[-2, -1, 0], [-0.8, -1, 0], [-0.8, -0.2, 0], [-1.3, -0.2, 0], [-1.3, 0.6, 0], [-2, 0.6, 0]]),
+    [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]],
+    "ell",
+)
+
+
+def marked_by_hand(surface, rng, sigma, correlation):
+    """Outline as projected, every point off across it by `sigma` pixels, alike over `correlation` pixels."""
+    points = resampled(CAMERA.project(resampled(surface.loops[0], 0.01) @ TURN.T + SHIFT), 1.0)
+    width = correlation / np.sqrt(4 * np.pi)
+    off = gaussian_filter1d(rng.normal(size=len(points)), width, mode="wrap")
+    off *= sigma * np.sqrt(2 * width * np.sqrt(np.pi))
+    along = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
+    return ImageRegion.from_polygon(points + off[:, None] * normal)
+
+
+def test_the_predicted_uncertainty_is_that_of_poses_from_marks_so_rough():
+    surfaces = [ELL, rectangle(0.4, -1.2, 1.5, 0.8), rectangle(-0.2, 0.4, 1.7, 0.7, depth=-0.5)]
+    covariance = expected_covariance(CAMERA, TURN, SHIFT, surfaces, sigma=1.0, correlation=20.0)
+    errors = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        regions = [marked_by_hand(surface, rng, 1.0, 20.0) for surface in surfaces]
+        pose = estimate_pose(CAMERA, regions, surfaces)
+        centre = TURN.T @ SHIFT - pose.rotation.T @ pose.translation
+        errors.append(np.concatenate([log_so3(pose.rotation @ TURN.T), centre]))
+    ratio = np.sqrt(np.mean(np.square(errors), axis=0) / np.diag(covariance))
+    assert np.all(ratio > 0.6) and np.all(ratio < 1.7)
+
+
+def test_the_region_that_helps_most_is_named_and_does_help():
+    marked = [rectangle(-0.5, -0.5, 1, 0.7)]
+    near = rectangle(-0.4, 0.3, 0.8, 0.4, name="beside it")
+    before = rectangle(-0.8, -0.5, 1.2, 0.8, depth=-1.5, name="in front")
+    outside = rectangle(20, 0, 1, 1, name="not in the photo")
+    others = [near, outside, before]
+    found = additions(CAMERA, TURN, SHIFT, marked, others, sigma=3)
+    assert [number for number, _ in found] == [2, 0]
+    both = expected_covariance(CAMERA, TURN, SHIFT, [*marked, before], sigma=3)
+    assert found[0][1] == pytest.approx(np.sqrt(np.linalg.eigvalsh(both[3:, 3:])[2]))
+    alone = expected_covariance(CAMERA, TURN, SHIFT, marked, sigma=3)
+    assert "Mark “in front” as well" in pose_advice(alone, TURN, SHIFT, marked, ("in front", found[0][1]))
+
+
+def test_the_least_certain_direction_is_named_as_seen_from_the_camera():
+    for axis, name in enumerate(("Position across", "Height", "Depth")):
+        deviations = np.full(3, 0.01)
+        deviations[axis] = 0.08
+        covariance = np.zeros((6, 6))
+        covariance[3:, 3:] = TURN.T @ np.diag(deviations**2) @ TURN
+        said = pose_advice(covariance, TURN, SHIFT, [ELL])
+        assert said.startswith(name) and "uncertain by 8 cm" in said
