@@ -36,10 +36,10 @@ class RegionSettings:
     working_size: int = 1536
     """Longer side (pixels) of the copy that the photo wand searches; outlines are finished on the photo."""
 
-    least_support: float = 0.4
+    least_support: float = 0.3
     """Smallest share of a frame's side that an edge of the photo has to cover."""
 
-    line_limit: int = 240
+    line_limit: int = 140
     """Straight edges around a click that are combined to frames; time grows with the third power."""
 
     level_count: int = 40
@@ -133,12 +133,13 @@ class TextureSettings:
     gain_anchor: int | None = None
     """Photo whose colours stay as they are; without one the median of the gains is 1."""
 
-    smoothness: float = 50.0
+    smoothness: float = 40.0
     """Length, in texels of the finest photos, at which a seam costs as much as one octave of resolution over
     its square; larger: fewer, larger patches; 0: every face takes its own best photo."""
 
-    sharpness: Literal["compared", "off"] = "compared"
-    """Measure the photos' blur by comparing them on the same surface."""
+    sharpness: Literal["compared", "published", "off"] = "compared"
+    """Measure the photos' blur by comparing them on the same surface, or leave out what lies beyond the depth
+    of field that wavelet windows find in each photo alone."""
 
     check_poses: bool = True
     """Leave out photos whose contents lie elsewhere than in their neighbours."""
@@ -151,6 +152,12 @@ class TextureSettings:
 
     threads: int = 0
     """Photos looked at together; each takes up to about 150 MB for a moment. 0: one per core, at most 8."""
+
+    focus_threshold: float = 1.1
+    """Variance of wavelet detail (grey levels²) from which a window counts as in focus, as published."""
+
+    focus_blur: float = 1.0
+    """Largest blur (sigma, pixels) by aperture and focus distance that the published way accepts."""
 
     memory_limit: float = 0.0
     """Memory (GiB) that choosing photos may take: fewer photos are looked at together, then fewer remembered
@@ -288,8 +295,17 @@ class EdgeSettings:
     centre_sigma: float = 0.015
     """Standard deviation (m, per axis) of a starting camera centre that comes without covariance."""
 
+    far_rotation_sigma: float = 0.6
+    """The same (degrees) where the edges lead farther: then other starts must come to the same pose."""
+
+    far_centre_sigma: float = 0.06
+    """The same (m) where the edges lead farther."""
+
     min_score: float = 1.1
     """Smallest edge agreement (1: none) at which a pose is believed."""
+
+    strong_score: float = 1.6
+    """Edge agreement from which a pose far from the start may leave parts of the photo at odds."""
 
     seed: int = 0
     """Start of the random numbers: the same photo gives the same pose."""

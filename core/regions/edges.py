@@ -84,10 +84,19 @@ def evened(colours: Float32Array) -> Float32Array:
         values = np.ascontiguousarray(colours[:, :, channel])
         if channel > 0:
             values = cv2.GaussianBlur(values, (0, 0), _CHROMA_BLUR).astype(np.float32)
-        offset = values - cv2.GaussianBlur(values, (0, 0), _NEIGHBOURHOOD)
-        variance = cv2.GaussianBlur(offset * offset, (0, 0), _NEIGHBOURHOOD)
+        offset = values - _around(values)
+        variance = np.maximum(_around(offset * offset), 0)
         even[:, :, channel] = offset / np.sqrt(variance + _FLOOR[channel] ** 2)
     return even
+
+
+def _around(values: Float32Array) -> Float32Array:
+    """Mean (H,W) over the neighbourhood; so wide a blur loses nothing on a quarter of the pixels' side."""
+    height, width = values.shape
+    small = max(1, -(-width // 4)), max(1, -(-height // 4))
+    coarse = cv2.resize(values, small, interpolation=cv2.INTER_AREA)
+    blurred = cv2.GaussianBlur(coarse, (0, 0), _NEIGHBOURHOOD * small[0] / width)
+    return cv2.resize(blurred, (width, height), interpolation=cv2.INTER_LINEAR).astype(np.float32)
 
 
 def gradient(even: Float32Array) -> Gradient:

@@ -13,24 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import ArrayLike, FloatArray, IndexArray, IntArray
-from .edges import Gradient
 from .lines import STEP, LineSet
 
 _SECTORS = 12  # directions around the click from which lines are taken evenly
 _SHORTEST_SIDE = 8.0  # pixels
 _TURN = np.sin(np.radians(15))  # smallest turn at a corner
-_NOISE = 0.003  # gradient of evened lightness that is noise
-
-
-@dataclass(frozen=True, eq=False)
-class Frames:
-    """Candidate polygons: `corners` (N,4,2) pixels (a triangle repeats its first corner).
-
-    `score` (N,), higher is better.
-    """
-
-    corners: FloatArray
-    score: FloatArray
+_CONSIDERED = 4000  # frames with the best covered sides whose places are compared
+_ALIKE = 0.02  # of a frame's size: corners nearer than this are alike
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +34,9 @@ class _Sides:
 
 
 def find_frames(
-    lines: LineSet, edges: Gradient, click: ArrayLike, least_support: float, line_limit: int, keep: int = 400
-) -> Frames:
-    """Frames around a click (u, v), the best `keep` of them."""
+    lines: LineSet, click: ArrayLike, least_support: float, line_limit: int, keep: int = 200
+) -> FloatArray:
+    """Frames around a click (u, v): corners (N,4,2), N <= `keep`, of which a triangle repeats its first."""
     point = np.asarray(click, dtype=np.float64) - lines.centre
     chosen = _nearby_lines(lines, point, line_limit)
     side = np.where(lines.normal[chosen] @ point > lines.offset[chosen], 1.0, -1.0)
@@ -56,15 +45,28 @@ def find_frames(
     sides = _supported_sides(lines, chosen, side, normal, corner, least_support)
     members = np.concatenate([_triangles(sides, len(chosen)), _quadrangles(sides, len(chosen))])
     if len(members) == 0:
-        return Frames(np.zeros((0, 4, 2)), np.zeros(0))
+        return np.zeros((0, 4, 2))
     support = np.where(members >= 0, sides.support[members], 1.0)
-    best = np.argsort(-np.log(support).mean(axis=1) - support.min(axis=1), kind="stable")[:keep]
-    members, support = members[best], support[best]
+    covered = np.log(support).mean(axis=1) + support.min(axis=1)
+    best = np.argsort(-covered, kind="stable")[:_CONSIDERED]
+    members, covered = members[best], covered[best]
     corners = corner[sides.on[members], sides.before[members]]
     corners[members[:, 3] < 0, 3] = corners[members[:, 3] < 0, 0]
-    corners = corners + lines.centre
-    score = np.log(support).mean(axis=1) + _evidence(edges, corners)
-    return Frames(corners, score + centrality(corners, np.asarray(click, dtype=np.float64)))
+    rank = covered + centrality(*polygon_moments(corners), point)
+    frames: FloatArray = corners[_unlike(corners, rank)[:keep]] + lines.centre
+    return frames
+
+
+def _unlike(corners: FloatArray, rank: FloatArray) -> IndexArray:
+    """Polygons (N,4,2) by falling rank, of those with corners in the same places only the best."""
+    first = np.argmin(corners.sum(axis=2), axis=1)
+    turned = np.take_along_axis(corners, (np.arange(4) + first[:, None])[..., None] % 4, axis=1)
+    size = np.log2(np.maximum(_ALIKE * np.sqrt(polygon_areas(corners)), 3.0))
+    place = np.round(turned.reshape(-1, 8) / np.exp2(np.round(size))[:, None]).astype(np.int64)
+    order = np.argsort(-rank, kind="stable")
+    _, once = np.unique(np.column_stack([np.round(size), place])[order], axis=0, return_index=True)
+    unlike: IndexArray = order[np.sort(once)]
+    return unlike
 
 
 def _nearby_lines(lines: LineSet, point: FloatArray, limit: int) -> IndexArray:
@@ -162,42 +164,16 @@ def _quadrangles(sides: _Sides, count: int) -> IndexArray:
     return quadrangles
 
 
-def _evidence(edges: Gradient, corners: FloatArray) -> FloatArray:
-    """Log of how consistent (same direction all along).
+def centrality(middle: FloatArray, spread: FloatArray, click: FloatArray) -> FloatArray:
+    """Log prior (N,) that a user clicks near the middle of a region: centroids (N,2), covariances (N,2,2).
 
-    How strong the photo's edge is along each polygon.
+    The distance from the centroid is measured in the region's own standard deviations; 0.15 of one is
+    usual, and beyond three times that it no longer counts against a region.
     """
-    before = np.roll(corners, 1, axis=1)
-    triangle = np.all(corners[:, 3] == corners[:, 0], axis=1)
-    vector = corners - before
-    length = np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-6)
-    normal = np.stack([-vector[..., 1], vector[..., 0]], axis=-1) / length
-    share = 0.03 + 0.94 * (np.arange(48) + 0.5) / 48
-    points = before[:, :, None] + share[:, None] * vector[:, :, None]
-    consistency, strength = np.zeros(length.shape[:2]), np.zeros(length.shape[:2])
-    for off in (-1.5, -0.75, 0.0, 0.75, 1.5):
-        found = edges.at(points + off * normal[:, :, None])
-        across = np.sum(found * normal[:, :, None], axis=-1)
-        total = np.sqrt(np.mean(np.sum(found * found, axis=-1), axis=-1)) + _NOISE
-        consistency = np.maximum(consistency, np.abs(across.mean(axis=-1)) / total)
-        strength = np.maximum(strength, np.abs(np.median(across, axis=-1)))
-    value = np.log(np.maximum(consistency, 1e-3)) + 0.5 * np.log(np.maximum(strength, 1e-3))
-    value[triangle, 0] = 0  # the repeated corner is no side
-    sides = np.where(triangle, 3, 4)
-    evidence: FloatArray = value.sum(axis=1) / sides
-    return evidence
-
-
-def centrality(corners: FloatArray, click: FloatArray) -> FloatArray:
-    """Log prior (N,) that a user clicks near the middle: polygons (N,n,2), click (2,).
-
-    The distance from the centroid is measured in the polygon's own standard deviations; 0.15 of one is
-    usual, and beyond three times that it no longer counts against a polygon.
-    """
-    middle, spread = polygon_moments(corners)
     off = click - middle
-    inverse = np.linalg.pinv(spread)
-    distance2 = np.einsum("ni,nij,nj->n", off, inverse, off)
+    uu, vv, uv = spread[:, 0, 0], spread[:, 1, 1], spread[:, 0, 1]
+    determinant = np.maximum(uu * vv - uv * uv, 1e-9)
+    distance2 = (vv * off[:, 0] ** 2 - 2 * uv * off[:, 0] * off[:, 1] + uu * off[:, 1] ** 2) / determinant
     prior: FloatArray = -0.15 * np.minimum(distance2 / 0.15**2, 9.0)
     return prior
 

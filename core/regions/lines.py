@@ -51,6 +51,7 @@ def find_lines_job(segments: FloatArray, width: int, height: int, limit: int = 2
     ends = segments.reshape(-1, 2, 2) - centre
     ends = ends[np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > _MEMBER]
     length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    middle = ends.mean(axis=1)
     free = length >= _SHORTEST
     order = np.argsort(-length, kind="stable")
     order = order[free[order]]
@@ -59,8 +60,8 @@ def find_lines_job(segments: FloatArray, width: int, height: int, limit: int = 2
         if number % 100 == 0:
             yield Progress(number / len(order), "Finding straight edges")
         if free[first] and len(lines) < limit:
-            normal, offset, members = _fit(ends, length, int(first))
-            free[members & _along(ends, length, normal)] = False
+            normal, offset, members = _fit(ends, middle, length, int(first))
+            free[members[_along(ends[members], length[members], normal)]] = False
             free[first] = False
             lines.append((normal, offset, _coverage(ends[members], normal, reach)))
     return _line_set(lines, centre, reach)
@@ -77,20 +78,25 @@ def _line_set(
     return LineSet(normal, np.array([line[1] for line in lines]), covered, total, centre, reach)
 
 
-def _fit(ends: FloatArray, length: FloatArray, first: int) -> tuple[FloatArray, float, BoolArray]:
-    """Line through segment `first` and all that lie on it: unit normal, offset, members (N,)."""
+def _fit(
+    ends: FloatArray, middle: FloatArray, length: FloatArray, first: int
+) -> tuple[FloatArray, float, IndexArray]:
+    """Line through segment `first` and all that lie on it: unit normal, offset, members."""
     towards = (ends[first, 1] - ends[first, 0]) / length[first]
     normal = np.array([-towards[1], towards[0]])
-    offset = float(normal @ ends[first].mean(axis=0))
-    members = np.zeros(len(ends), dtype=np.bool_)
+    offset = float(normal @ middle[first])
+    members = np.array([first])
     for _ in range(2):
-        members = np.all(np.abs(ends @ normal - offset) < _TOLERANCE, axis=1)
-        members[first] = True
-        points, weight = ends[members].reshape(-1, 2), np.repeat(length[members], 2)
-        middle = weight @ points / weight.sum()
-        spread = (points - middle).T * weight @ (points - middle)
-        normal = np.linalg.eigh(spread)[1][:, 0] * 1.0
-        offset = float(normal @ middle)
+        near = np.flatnonzero(np.abs(middle @ normal - offset) < _TOLERANCE)
+        members = near[np.abs(ends[near] @ normal - offset).max(axis=1) < _TOLERANCE]
+        members = members if first in members else np.append(members, first)
+        weight = length[members]
+        centre = weight @ middle[members] / weight.sum()
+        apart = ends[members] - centre
+        uu, vv, uv = np.einsum("n,nek,nel->kl", weight, apart, apart).ravel()[[0, 3, 1]]
+        angle = 0.5 * np.arctan2(2 * uv, uu - vv)  # of the points' longer axis
+        normal = np.array([-np.sin(angle), np.cos(angle)])
+        offset = float(normal @ centre)
     return normal, offset, members
 
 

@@ -67,6 +67,14 @@ def mask_polygons(mask: BoolArray, tolerance: float = 0.7) -> list[FloatArray]:
     return loops
 
 
+def straightened(loop: FloatArray, most_corners: int = 6) -> FloatArray | None:
+    """Polygon (n,2) of few corners that a closed loop (m,2) is within 1.5 % of its size; else None."""
+    points = loop.astype(np.float32)[:, None]
+    tolerance = max(2.0, 0.015 * float(np.sqrt(cv2.contourArea(points))))
+    corners = cv2.approxPolyDP(points, tolerance, True)[:, 0].astype(np.float64)
+    return corners if 3 <= len(corners) <= most_corners else None
+
+
 def polygon_mask(loops: Sequence[ArrayLike], width: int, height: int) -> BoolArray:
     """Mask (height,width) of the pixels whose centres lie inside closed loops (n,2) (even-odd rule).
 

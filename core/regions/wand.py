@@ -11,20 +11,22 @@ from typing import Literal
 
 import numpy as np
 
-from ..arrays import ArrayLike, BoolArray, ByteArray, Float32Array, FloatArray
+from ..arrays import ArrayLike, BoolArray, ByteArray, FloatArray
 from ..errors import RegionError
 from ..geometry.outlines import fill_loops
 from ..jobs import Job, Progress, drain, part
 from ..settings import RegionSettings
-from . import colour, edges, frames
+from . import edges, evidence
+from .colour import ColourMap, colour_map, grown_loop, grown_loops
+from .frames import find_frames, polygon_areas
 from .lines import LineSet, find_lines_job
-from .outline import mask_polygons, smoothed_mask
+from .outline import straightened
 from .snap import snap_outline, snap_polygon
 
 Kind = Literal["auto", "frame", "colour"]
 
-_COLOUR_PENALTY = -0.3
-"""Log odds against a region of like colour where a straight frame explains the photo as well."""
+_CUT_OFF = 0.05  # share of an outline on the photo's edge from which the region goes on outside
+_BORDER = 2.0  # pixels of the working copy that count as the photo's edge
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +60,9 @@ class PhotoWand:
 
     image: ByteArray
     factor: float
-    colours: Float32Array
     gradient: edges.Gradient
+    look: evidence.Look
+    ground: ColourMap
     lines: LineSet
     settings: RegionSettings
 
@@ -69,28 +72,26 @@ class PhotoWand:
         Raises
         ------
         RegionError
-            The click is outside the photo, or there is nothing around it that has an outline.
+            The click is outside the photo, nothing around it has an outline, or what has one goes on outside.
         """
         point = self._inside(pixel)
-        levels: list[Level] = []
+        loops: list[FloatArray] = []
+        parts: list[evidence.Outlines] = []
         if kind != "colour":
-            levels += self._frame_levels(point)
+            corners = find_frames(self.lines, point, self.settings.least_support, self.settings.line_limit)
+            loops += list(corners)
+            parts.append(evidence.outlines_of(corners))
+        count = len(loops)
         if kind != "frame":
-            levels += self._colour_levels(point)
-        if not levels:
-            raise RegionError(
-                "Nothing here has a closed outline: draw the region with the polygon or lasso tool."
-            )
-        return _sorted_levels(levels)
+            loops += grown_loops(self.ground, point)
+            parts += [evidence.outline_of_loop(loop) for loop in loops[count:]]
+        return self._levels(loops, evidence.joined_outlines(parts), point, np.arange(len(loops)) < count)
 
     def grow(self, pixel: Sequence[float] | FloatArray, tolerance: float) -> Level:
         """Region of like colour around a pixel with a given tolerance (Delta E)."""
-        point = self._inside(pixel)
-        click = colour.as_click((point[0], point[1]), self.colours.astype(np.uint8))
-        distance = colour.colour_distance(self.colours, self.gradient, click)
-        return self._colour_level(
-            colour.Growth(colour.grown(distance, click, tolerance), tolerance, 0.0), click
-        )
+        loop = grown_loop(self.ground, self._inside(pixel), tolerance)
+        area = float(polygon_areas(loop[None])[0])
+        return Level(edges.to_full(loop, self.factor), area / self.factor**2, 0.0, False)
 
     def finished(self, level: Level) -> tuple[FloatArray, ...]:
         """Closed outlines (n,2) of a level, moved onto the edges at full resolution."""
@@ -101,6 +102,38 @@ class PhotoWand:
     def mask(self, loops: Sequence[FloatArray]) -> BoolArray:
         """Mask (H,W) of closed outlines at full resolution."""
         return fill_loops(loops, self.image.shape[1], self.image.shape[0])
+
+    def _levels(
+        self, loops: list[FloatArray], outlines: evidence.Outlines, point: FloatArray, straight: BoolArray
+    ) -> WandClick:
+        """Offer the best outlines, each unlike the others and whole in the photo."""
+        if not loops:
+            raise RegionError(
+                "Nothing here has a closed outline: draw the region with the polygon or lasso tool."
+            )
+        score = evidence.scores(self.gradient, self.look, outlines, point, straight)
+        score[self._cut_off(outlines)] = -np.inf
+        if not np.any(np.isfinite(score)):
+            raise RegionError(
+                "What is here goes on outside the photo, as sky or a wall does: click a region that "
+                "the photo shows whole, or draw it with the polygon or lasso tool."
+            )
+        levels = []
+        for k in _distinct(outlines, score, self.settings.level_count):
+            corners = _without_repeat(loops[k]) if straight[k] else straightened(loops[k])
+            outline = edges.to_full(loops[k] if corners is None else corners, self.factor)
+            area = float(outlines.area[k]) / self.factor**2
+            levels.append(Level(outline, area, float(score[k]), corners is not None))
+        ordered = sorted(levels, key=lambda level: level.area)
+        return WandClick(tuple(ordered), ordered.index(levels[0]))
+
+    def _cut_off(self, outlines: evidence.Outlines) -> BoolArray:
+        """Whether outlines (N,) run along the photo's edge."""
+        height, width = self.gradient.u.shape
+        last = np.array([width, height]) - 1 - _BORDER
+        outside = np.any((outlines.points < _BORDER) | (outlines.points > last), axis=-1)
+        cut_off: BoolArray = outside.mean(axis=(1, 2)) > _CUT_OFF
+        return cut_off
 
     def _inside(self, pixel: Sequence[float] | FloatArray) -> FloatArray:
         point = np.asarray(pixel, dtype=np.float64)
@@ -113,64 +146,23 @@ class PhotoWand:
             raise RegionError("The click is outside the photo.")
         return edges.to_reduced(point, self.factor)
 
-    def _frame_levels(self, point: FloatArray) -> list[Level]:
-        found = frames.find_frames(
-            self.lines, self.gradient, point, self.settings.least_support, self.settings.line_limit
-        )
-        levels = []
-        areas = frames.polygon_areas(found.corners)
-        score = found.score + self._size_prior(areas)
-        for k in _distinct(found.corners, score, self.settings.level_count):
-            corners = _without_repeat(found.corners[k])
-            outline = edges.to_full(corners, self.factor)
-            levels.append(Level(outline, float(areas[k]) / self.factor**2, float(score[k]), True))
-        return levels
-
-    def _colour_levels(self, point: FloatArray) -> list[Level]:
-        click = colour.as_click((point[0], point[1]), self.colours.astype(np.uint8))
-        distance = colour.colour_distance(self.colours, self.gradient, click)
-        return [self._colour_level(g, click) for g in colour.best_growth(distance, self.gradient, click, 16)]
-
-    def _colour_level(self, growth: colour.Growth, click: tuple[int, int]) -> Level:
-        area = float(np.count_nonzero(growth.mask)) / self.factor**2
-        loops = mask_polygons(smoothed_mask(growth.mask, 1.0), 0.5) or mask_polygons(growth.mask, 0.5)
-        largest = max(loops, key=lambda loop: float(np.ptp(loop[:, 0]) * np.ptp(loop[:, 1])))
-        pixels = np.array([area * self.factor**2])
-        middle = frames.centrality(largest[None], np.array(click, dtype=np.float64))
-        score = growth.score + float(middle[0] + self._size_prior(pixels)[0]) + _COLOUR_PENALTY
-        return Level(edges.to_full(largest, self.factor), area, score, False)
-
-    def _size_prior(self, areas: FloatArray) -> FloatArray:
-        """Log prior of areas (N,) in working pixels: the innermost of like frames, but nothing tiny."""
-        least = 0.002 * self.colours.shape[0] * self.colours.shape[1]
-        size = np.log2(np.maximum(areas, 1.0))
-        prior: FloatArray = -0.05 * size - 0.4 * np.maximum(np.log2(least) - size, 0.0)
-        return prior
-
 
 def _without_repeat(corners: FloatArray) -> FloatArray:
-    return corners[:3] if np.array_equal(corners[3], corners[0]) else corners
+    return corners[:3] if len(corners) == 4 and np.array_equal(corners[3], corners[0]) else corners
 
 
-def _distinct(corners: FloatArray, score: FloatArray, count: int) -> list[int]:
-    """The best polygons, each unlike the better ones: some corner is off by 2 % of the size, or 3 pixels."""
+def _distinct(outlines: evidence.Outlines, score: FloatArray, count: int) -> list[int]:
+    """The best outlines, each unlike the better ones: somewhere off by 2 % of the size, or 3 pixels."""
     kept: list[int] = []
+    corners = outlines.points[:, :, [0, evidence.SAMPLES // 2, -1]].reshape(len(score), -1, 2)
+    size = np.maximum(3.0, 0.02 * np.ptp(corners, axis=1).max(axis=1))
     for k in np.argsort(-score, kind="stable").tolist():
-        size = max(3.0, 0.02 * float(np.ptp(corners[k], axis=0).max()))
-        gap = [
-            np.linalg.norm(corners[k][:, None] - corners[q][None], axis=-1).min(axis=1).max() for q in kept
-        ]
-        if all(g > size for g in gap):
-            kept.append(k)
-        if len(kept) == count:
+        if len(kept) == count or not np.isfinite(score[k]):
             break
+        gap = np.linalg.norm(corners[k][None, :, None] - corners[kept][:, None], axis=-1)
+        if np.all(gap.min(axis=2).max(axis=1) > size[k]):
+            kept.append(k)
     return kept
-
-
-def _sorted_levels(levels: list[Level]) -> WandClick:
-    best = max(levels, key=lambda level: level.score)
-    ordered = sorted(levels, key=lambda level: level.area)
-    return WandClick(tuple(ordered), next(k for k, level in enumerate(ordered) if level is best))
 
 
 def prepare_wand_job(image: ArrayLike, settings: RegionSettings | None = None) -> Job[PhotoWand]:
@@ -188,7 +180,9 @@ def prepare_wand_job(image: ArrayLike, settings: RegionSettings | None = None) -
     segments = edges.straight_segments(even)
     yield Progress(0.5, "Finding straight edges")
     lines = yield from part(find_lines_job(segments, small.shape[1], small.shape[0]), 0.5, 1.0)
-    return PhotoWand(photo, factor, colours, edges.gradient(even), lines, settings)
+    gradient = edges.gradient(even)
+    look, ground = evidence.look_of(colours, gradient), colour_map(colours, gradient)
+    return PhotoWand(photo, factor, gradient, look, ground, lines, settings)
 
 
 def prepare_wand(image: ArrayLike, settings: RegionSettings | None = None) -> PhotoWand:

@@ -92,8 +92,10 @@ def test_clicks_that_cannot_work_say_so(wand):
         with pytest.raises(RegionError, match="outside the photo"):
             wand.click(pixel)
     sky = prepare_wand(np.full((200, 300, 3), 240, dtype=np.uint8))
-    with pytest.raises(RegionError, match="closed outline"):
+    with pytest.raises(RegionError, match="goes on outside the photo"):
         sky.click((150, 100))
+    with pytest.raises(RegionError, match="closed outline"):
+        sky.click((150, 100), "frame")
 
 
 def test_photos_that_are_not_8_bit_are_refused():
