@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
 
-from ..arrays import ArrayLike, Float32Array, FloatArray, IndexArray, IntArray
+from ..arrays import AnyArray, ArrayLike, Float32Array, FloatArray, IndexArray, IntArray
 from ..errors import RegionError
 from ..geometry.meshes import edge_pairs, face_normals
 from ..geometry.rays import local_centre
@@ -27,7 +28,7 @@ class SurfaceIndex:
     `centre` (3,) m is the origin of `middle` (F,3), the faces' centroids; `normal` (F,3) unit,
     `smooth_normal` (F,3) the same averaged over neighbours; `area` (F,) m²; `pair` (E,2) neighbouring faces;
     `noise` m the scan's own roughness; `spacing` m the median distance of neighbouring centroids; `colour`
-    (F,3) CIELAB or None; `colour_noise` Delta E between neighbouring patches.
+    (F,3) CIELAB or None.
     """
 
     centre: FloatArray
@@ -38,13 +39,21 @@ class SurfaceIndex:
     noise: float
     spacing: float
     colour: Float32Array | None
-    colour_noise: float
     patches: SurfacePatches
 
     @property
     def face_count(self) -> int:
         """Number of faces of the scan."""
         return len(self.area)
+
+    @cached_property
+    def colour_noise(self) -> float:
+        """Usual difference of neighbouring patches, Delta E."""
+        patches = self.patches
+        if patches.colour is None or len(patches.pair) == 0:
+            return 0.0
+        first, second = patches.pair.T
+        return float(np.median(np.linalg.norm(patches.colour[first] - patches.colour[second], axis=1)))
 
     @property
     def pair(self) -> IntArray:
@@ -85,12 +94,14 @@ def index_surface_job(
     for number in range(min(round(20 * noise / max(spacing, 1e-9)), _MORE_ROUNDS)):
         smoother = _smoothed(smoother, area, pair)
         yield Progress(0.6 + 0.02 * number, "Smoothing normals")
-    colour = None if colours is None else _colours(colours, triangles)
+    colour = None
+    if colours is not None:
+        colour = byte_colours(np.asarray(colours, dtype=np.uint8)[triangles].mean(axis=1))
     yield Progress(0.8, "Joining faces to patches")
     patches = surface_patches(middle, smoother, area, pair, spacing, noise, colour)
     return SurfaceIndex(
         centre, middle.astype(np.float32), normal.astype(np.float32), smooth.astype(np.float32), area,
-        noise, spacing, colour, _colour_noise(patches), patches,
+        noise, spacing, colour, patches,
     )  # fmt: skip
 
 
@@ -159,16 +170,8 @@ _NOISE_FACTOR = 3.66
 """Vertex noise per scatter of a face's middle against its three neighbours' (measured on noisy planes)."""
 
 
-def _colours(colours: ArrayLike, triangles: IndexArray) -> Float32Array:
-    """CIELAB (F,3) of faces."""
-    rgb = np.asarray(colours, dtype=np.uint8)[triangles].mean(axis=1).astype(np.float32) / 255
+def byte_colours(colours: AnyArray) -> Float32Array:
+    """CIELAB (N,3) of sRGB colours (N,3) from 0 to 255."""
+    rgb = np.asarray(colours, dtype=np.float32) / 255
     values: Float32Array = cv2.cvtColor(rgb[None], cv2.COLOR_RGB2LAB)[0].astype(np.float32)
     return values
-
-
-def _colour_noise(patches: SurfacePatches) -> float:
-    """Usual difference of neighbouring patches, Delta E."""
-    if patches.colour is None or len(patches.pair) == 0:
-        return 0.0
-    first, second = patches.pair.T
-    return float(np.median(np.linalg.norm(patches.colour[first] - patches.colour[second], axis=1)))
