@@ -17,6 +17,7 @@ from ..photos.view import View
 from ..settings import AtlasSettings
 from .blending import blend_shares
 from .charts import ChartLayout, photo_charts
+from .colour_correction import ColourCorrection
 from .detail import DetailSurface
 from .images import read_deep_photo, sample_image, to_bytes, to_linear, to_srgb, view_name
 from .levelling import SeamLevels
@@ -63,9 +64,13 @@ def bake_atlas(
     settings: AtlasSettings | None = None,
     levels: SeamLevels | None = None,
     detail: Mesh | None = None,
+    correction: ColourCorrection | None = None,
 ) -> Atlas:
     """Run `bake_atlas_job` to its end."""
-    return drain(bake_atlas_job(folder, stem, vertices, faces, selection, views, settings, levels, detail))
+    job = bake_atlas_job(
+        folder, stem, vertices, faces, selection, views, settings, levels, detail, correction
+    )
+    return drain(job)
 
 
 def bake_atlas_job(
@@ -78,12 +83,14 @@ def bake_atlas_job(
     settings: AtlasSettings | None = None,
     levels: SeamLevels | None = None,
     detail: Mesh | None = None,
+    correction: ColourCorrection | None = None,
 ) -> Job[Atlas]:
     """Bake a textured mesh (V,3) m, (F,3) into pages `folder/stem.1001.png`, `.1002.png`, ...
 
     Where the mesh is a simplified one, `detail` is the mesh it was made from: every texel then takes the
-    colour of the place on it, so that relief that is gone from the mesh does not shift the photos. One page
-    and one photo are in memory at a time. Pages appear only when all are baked. Raises TextureError,
+    colour of the place on it, so that relief that is gone from the mesh does not shift the photos.
+    `correction`, made for colours after the gains (`ColourCorrection.after_gain`), turns them into true ones.
+    One page and one photo are in memory at a time. Pages appear only when all are baked. Raises TextureError,
     PhotoError, OutputError.
     """
     settings = settings or AtlasSettings()
@@ -103,7 +110,7 @@ def bake_atlas_job(
     with ExitStack() as together:  # the pages get their names when all are there
         for page, path in enumerate(paths):
             file = together.enter_context(replacing(path))
-            model = _Model(points, triangles, selection, views, texel, relief)
+            model = _Model(points, triangles, selection, views, texel, relief, correction)
             baking = _bake_page_job(page, layout, model, mix)
             start, end = (0.1 + 0.9 * (page + k) / layout.pages for k in (0, 1))
             linear = yield from part(baking, start, end, f"Page {page + 1} of {layout.pages}: ")
@@ -164,7 +171,7 @@ def _low_scales(selection: Selection, view_count: int) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """The textured mesh (V,3) m, (F,3), the size of a texel on it (m), and the surface it stands for."""
+    """The textured mesh (V,3) m, (F,3), the size of a texel on it (m), and what is done to its texels."""
 
     points: FloatArray
     faces: IntArray
@@ -172,6 +179,7 @@ class _Model:
     views: Sequence[View]
     texel: float
     relief: DetailSurface | None
+    correction: ColourCorrection | None
 
 
 def _bake_page_job(page: int, layout: ChartLayout, model: _Model, mix: _Mix) -> Job[Float32Array]:
@@ -183,7 +191,6 @@ def _bake_page_job(page: int, layout: ChartLayout, model: _Model, mix: _Mix) -> 
     on_page[chosen] = True
     rows = np.flatnonzero(on_page[mix.face])
     colour = np.zeros((len(texels.face), 3), dtype=np.float32)
-    colour[model.selection.view[chosen[texels.face]] < 0] = np.float32(NEUTRAL)
     needed = np.unique(mix.view[rows])
     for count, number in enumerate(needed.tolist()):
         name = view_name(model.views[number], number)
@@ -191,6 +198,9 @@ def _bake_page_job(page: int, layout: ChartLayout, model: _Model, mix: _Mix) -> 
         of_photo = rows[mix.view[rows] == number]
         local = np.searchsorted(chosen, mix.face[of_photo])
         _add_photo(colour, texels, local, model, number, mix, of_photo)
+    if model.correction is not None:
+        colour = model.correction.apply(colour).astype(np.float32)
+    colour[model.selection.view[chosen[texels.face]] < 0] = np.float32(NEUTRAL)
     image = np.full((layout.size, layout.size, 3), np.float32(NEUTRAL))
     filled = np.zeros((layout.size, layout.size), dtype=np.bool_)
     image[texels.row, texels.column] = colour

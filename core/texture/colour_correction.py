@@ -1,12 +1,12 @@
 """Colours made true by a colour chart: what a camera's linear RGB must be turned into.
 
-The correction belongs to the photo that shows the chart. Photos made to agree by gains take it after their
-gain, divided by that photo's: `correction.apply(to_linear(pixel) * gain[view] / gain[chart_photo])`.
+The correction belongs to the photo that shows the chart. For photos made to agree with it by gains, take
+`correction.after_gain(selection.gain[chart_photo])`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -43,6 +43,11 @@ class ColourCorrection:
     def apply(self, linear: ArrayLike) -> FloatArray:
         """Correct linear colours (...,3), white 1; results may lie outside [0, 1]."""
         return _terms(np.asarray(linear, dtype=np.float64), self.method) @ self.coefficients.T
+
+    def after_gain(self, gain: ArrayLike) -> ColourCorrection:
+        """Return the same correction for colours that the chart's photo has after its gain (3,)."""
+        scale = _terms(np.asarray(gain, dtype=np.float64), self.method)
+        return replace(self, coefficients=self.coefficients / scale)
 
 
 def fit_correction(

@@ -1,18 +1,25 @@
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import cv2
 import numpy as np
 import pytest
+from fresco.core.cameras import PerspectiveCamera
 from fresco.core.errors import OutputError, TextureError
 from fresco.core.settings import AtlasSettings, TextureSettings
 from fresco.core.texture import bake_atlas, level_seams, select_views
 from fresco.core.texture.atlas import fill_margins
 from fresco.core.texture.charts import pack_shelves
+from fresco.core.texture.colour_correction import ColourCorrection
 from fresco.core.texture.images import to_linear
+from fresco.core.texture.quality import image_offset, psnr
 from fresco.core.texture.raster import barycentric, rasterise
+from fresco.core.texture.render import render_view
 from hypothesis import given
 from hypothesis import strategies as st
-from painted_scenes import grid_mesh, paint, wall_views
+from painted_scenes import detailed, grid_mesh, paint, wall_views
 
 WALL = grid_mesh(16, 12)
 
@@ -53,6 +60,86 @@ def test_every_texel_shows_the_paint_of_its_place(tmp_path, scene, depth, rings,
     assert np.ptp(ratio) < 0.03
     error = shown / ratio - expected
     assert np.sqrt(np.mean(error**2)) < 0.01
+
+
+@pytest.mark.parametrize("charts", ["photos", "surface"])
+def test_the_atlas_shows_what_a_photo_left_out_shows_at_the_same_place(tmp_path, charts):
+    """No half texel is lost on the way from photo to page to picture."""
+    wall = grid_mesh(64, 48)  # faces small enough for straight UV edges to a few hundredths of a pixel
+    places, large = (
+        [(-0.5, 0.2, -2.8), (0.5, -0.2, -2.8), (0.1, 0.2, -2.7)],
+        {"size": (640, 480), "focal": 600.0},
+    )
+    views = wall_views(wall, places, painter=detailed, **large)
+    (held,) = wall_views(wall, [(0.1, -0.05, -2.0)], painter=detailed, **large)
+    selection = select_views(*wall, views, TextureSettings(smoothness=20))
+    settings = AtlasSettings(page_size=1024, blend_rings=0, charts=charts)
+    atlas = bake_atlas(tmp_path, "a", *wall, selection, views, settings)
+    pages = [replace(held, camera=page_camera(1024), image=path) for path in atlas.paths]
+    on_pages = SimpleNamespace(view=atlas.layout.page, uv=atlas.layout.uv, gain=np.ones((len(pages), 3)))
+    for textured, images in ((selection, views), (on_pages, pages)):
+        picture = render_view(held.camera, held.rotation, held.translation, *wall, textured, images)
+        assert picture.covered.all()
+        assert np.abs(image_offset(picture.image, held.image, picture.covered)).max() < 0.05
+        assert np.abs(phase_offset(picture.image, held.image)).max() < 0.05
+        assert psnr(picture.image, held.image, picture.covered) > 30
+
+
+def phase_offset(picture, photo):
+    """Shift (du, dv) by phase correlation: the slope of the phase between two pictures, low frequencies."""
+    grey = [cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float64) for image in (photo, picture)]
+    height, width = grey[0].shape
+    window = cv2.createHanningWindow((width, height), cv2.CV_64F)
+    first, second = (np.fft.fft2((one - one.mean()) * window) for one in grey)
+    v, u = np.meshgrid(np.fft.fftfreq(height), np.fft.fftfreq(width), indexing="ij")
+    low = (np.hypot(u, v) < 0.15) & (np.hypot(u, v) > 0.005)
+    cross = (second * np.conj(first))[low]
+    slope, weight = -2 * np.pi * np.stack([u[low], v[low]], axis=1), np.abs(cross)[:, None]
+    return np.linalg.solve((weight * slope).T @ slope, (weight * slope).T @ np.angle(cross))
+
+
+def page_camera(size):
+    return PerspectiveCamera(size, size, [[size, 0, size / 2], [0, size, size / 2], [0, 0, 1]])
+
+
+def test_unseen_faces_are_grey_and_have_room_where_charts_follow_the_surface(tmp_path, scene):
+    views, selection = scene
+    hidden = replace(selection, view=np.where(np.arange(len(WALL[1])) < 40, -1, selection.view))
+    for charts in ("photos", "surface"):
+        settings = AtlasSettings(texel_size=0.02, page_size=256, charts=charts, blend_rings=0)
+        atlas = bake_atlas(tmp_path, charts, *WALL, hidden, views, settings)
+        uv = atlas.layout.uv[:40]
+        apart = np.abs(np.cross(*np.moveaxis(np.diff(uv, axis=1), 1, 0))) > 10
+        assert apart.all() if charts == "surface" else not apart.any()
+        for face in (5, 20):
+            column, row = np.rint(uv[face].mean(axis=0)).astype(int)
+            pixel = read(atlas.paths[atlas.layout.page[face]])[row, column]
+            assert np.abs(pixel.astype(int) - 127).max() <= 1
+
+
+def test_texels_coarser_than_the_photos_pixels_are_means_not_samples(tmp_path):
+    """A photo of fine stripes, baked coarse, gives grey, not a moire."""
+    views = wall_views(WALL, [(0.0, 0.0, -4.0)], size=(640, 480), focal=600.0)
+    stripes = np.zeros((480, 640, 3), np.uint8)
+    stripes[:, ::2] = 200
+    views = [replace(views[0], image=stripes)]
+    selection = select_views(*WALL, views, TextureSettings(smoothness=0))
+    atlas = bake_atlas(tmp_path, "a", *WALL, selection, views, AtlasSettings(texel_size=0.041, page_size=256))
+    chosen = np.flatnonzero((selection.view >= 0) & (atlas.layout.page == 0))
+    texels = rasterise(atlas.layout.uv[chosen], 256, margin=-1)
+    shown = to_linear(read(atlas.paths[0]))[texels.row, texels.column]
+    assert shown.std() < 0.1 * to_linear(stripes).std()
+
+
+def test_a_colour_correction_is_applied_to_what_photos_show(tmp_path, scene):
+    views, selection = scene
+    swap = ColourCorrection("matrix", np.eye(3)[::-1], 0.0, 0.0, 0.0, 0.0)
+    settings = AtlasSettings(texel_size=0.02, page_size=256)
+    plain, swapped = (
+        read(bake_atlas(tmp_path, name, *WALL, selection, views, settings, correction=c).paths[0])
+        for name, c in (("a", None), ("b", swap))
+    )
+    np.testing.assert_allclose(swapped[..., ::-1], plain, atol=1)
 
 
 def test_udim_tiles_hold_the_texels(tmp_path, scene):

@@ -45,6 +45,15 @@ def test_a_colour_cast_is_undone(method):
     assert colour_difference(corrected, linear_to_lab(other)).mean() < 0.3
 
 
+@pytest.mark.parametrize("method", ["matrix", "root-polynomial"])
+def test_a_gain_is_taken_into_account(method):
+    measured = lab_to_linear(REFERENCE) @ CAST.T
+    found, gain = fit_correction(measured, REFERENCE, method=method), np.array([1.3, 0.9, 0.7])
+    np.testing.assert_allclose(
+        found.after_gain(gain).apply(measured * gain), found.apply(measured), atol=1e-9
+    )
+
+
 def test_roots_follow_a_camera_that_no_matrix_describes():
     true = lab_to_linear(REFERENCE)
     bent = np.maximum(true, 1e-3)
