@@ -22,6 +22,12 @@ MATCH_SIGMA = 0.5
 COMMON_SIGMA = 0.2
 """Standard deviation (px) that the edges of one cell share."""
 
+MATCHED = 0.25
+"""Weight from which an edge of the scan counts as found in the photo."""
+
+SHARPEST = 0.4
+"""Smallest distance (px) at which a match of width 1 is doubted: edges are placed no better."""
+
 CELLS = 8
 """The photo is cut into so many cells a side; errors within one are alike."""
 
@@ -200,10 +206,23 @@ def _linearise(
     jacobian = np.einsum("ni,nik->nk", normals, by_pose)
     matches = match_edges(photo.field, pixels, normals, width, photo.search)
     cell = _cells(photo.camera, pixels)
-    weight = _weights(matches.weight * edges.strength[usable], cell)
+    weight = _weights(matches.weight * edges.strength[usable], cell) * _trust(matches, width)
     hessian = (jacobian * weight[:, None]).T @ jacobian
     pulls = (weight * -matches.distance)[:, None] * jacobian
-    return _System(jacobian, hessian, pulls, cell, edges.piece[usable], matches.weight > 0.25)
+    return _System(jacobian, hessian, pulls, cell, edges.piece[usable], matches.weight > MATCHED)
+
+
+def _trust(matches: Matches, width: float) -> FloatArray:
+    """Weight (N,) of each match by its distance against the usual one; hardly any while matching is wide.
+
+    An edge that the photo does not show finds its neighbour instead, which lies off.
+    Source: Geman and McClure 1985, with the scale from the median absolute deviation.
+    """
+    found = matches.weight > MATCHED
+    usual = 1.483 * float(np.median(np.abs(matches.distance[found]))) if found.any() else 0.0
+    scale = max(2.0 * usual, SHARPEST * width**2)
+    out: FloatArray = 1.0 / (1.0 + (matches.distance / scale) ** 2) ** 2
+    return out
 
 
 def _weights(strength: FloatArray, cell: IndexArray) -> FloatArray:

@@ -12,11 +12,15 @@ from ...arrays import BoolArray, FloatArray
 from ...geometry.rigid import log_so3
 from ...settings import EdgeSettings
 from ..points.perturbation import camera_points, invert_scaled
+from ..pose import Pose
 from .alignment import CELLS, Alignment, Photo, PosePrior, align_edges
 from .scan_edges import ScanEdges
 
 UNLIKELY = float(chi2.ppf(0.999, 6))
 """Squared Mahalanobis distance of a pose that one right pose in a thousand exceeds."""
+
+LIKELY = float(chi2.ppf(0.9, 6))
+"""Squared Mahalanobis distance that one right pose in ten exceeds."""
 
 CONTRADICTION = 16.0
 """Halves that are four standard deviations apart in every direction contradict each other."""
@@ -56,6 +60,12 @@ def no_agreement(before: float, after: float, settings: EdgeSettings) -> str:
     if after <= before:
         return f"The edges agree no better than before ({before:.2f} to {after:.2f}): the pose was kept."
     return ""
+
+
+def likely_move(pose: Pose, origin: FloatArray, prior: PosePrior) -> bool:
+    """Whether the way from the start to a pose is no longer than nine starts in ten need."""
+    step = pose_difference(pose.rotation, pose.centre - origin, prior.rotation, prior.centre)
+    return float(step @ invert_scaled(prior.covariance) @ step) <= LIKELY
 
 
 def far_move(alignment: Alignment, prior: PosePrior) -> str:

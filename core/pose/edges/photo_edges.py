@@ -56,12 +56,13 @@ def structure_tensor(channels: Iterable[Float32Array]) -> tuple[Float32Array, Fl
 def photo_edge_field(photo: ByteArray, mask: BoolArray | None, scale: float = 1.0) -> EdgeField:
     """Edge field of a photo (H,W,3) at `scale` pixels; masked-out parts have no edges.
 
-    Logarithms make edges in the shade count like those in the sun; strength is relative to the neighbourhood.
+    Changes count as a share of the brightness around, so that edges in the shade count like those in the sun;
+    strength is relative to the neighbourhood. Taking logarithms instead would draw edges to their dark side.
     """
-    logarithm = np.log(photo.astype(np.float32) + 4.0)
-    smooth = cv2.GaussianBlur(logarithm, (0, 0), scale)
+    smooth: Float32Array = cv2.GaussianBlur(photo.astype(np.float32), (0, 0), scale).astype(np.float32)
     xx, yy, xy = structure_tensor(smooth[..., k] for k in range(3))
-    magnitude = np.sqrt(xx + yy)
+    brightness = cv2.GaussianBlur(smooth.mean(axis=2), (0, 0), NEIGHBOURHOOD) + np.float32(4.0)
+    magnitude = np.sqrt(xx + yy) / brightness
     usual = cv2.GaussianBlur(magnitude, (0, 0), NEIGHBOURHOOD) + FAINTEST
     strength = np.minimum(magnitude / usual, STRONGEST)
     if mask is not None:

@@ -7,24 +7,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...arrays import ArrayLike, FloatArray
-from ...cameras.resolution import angular_resolution
-from ...jobs import Job, Progress, drain
+from ...jobs import Job, Progress, drain, part
 from ...photos.view import View
 from ...settings import EdgeSettings
-from ..points.pictures import read_view, read_view_mask
 from ..pose import Pose
 from .alignment import Alignment, Photo, PosePrior, align_edges, edge_agreement
-from .checks import disagreement_of_halves, far_move, few_edges, halves_apart, image_shift, no_agreement
-from .photo_edges import photo_edge_field
+from .checks import (
+    disagreement_of_halves,
+    far_move,
+    few_edges,
+    halves_apart,
+    image_shift,
+    likely_move,
+    no_agreement,
+)
+from .levels import divided_edges, finest_scale, photo_at
 from .rendering import Scan
-from .scan_edges import ScanEdges, find_scan_edges
-
-COARSEST = 480.0
-"""Longer side (pixels) below which the finest level is not reduced, however coarse the scan is."""
-
-
-ROUGH = 10.0
-"""Angle (degrees) between faces and averaged normals at which a scan counts as noisy."""
+from .scan_edges import find_scan_edges
+from .search import Start, search_start_job
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,105 +79,86 @@ def refine_pose_by_edges_job(
     # relative to the scan's middle: world coordinates may be millions of metres
     origin = points.mean(axis=0) if len(points) else np.zeros(3)
     scan = Scan.of_mesh(points - origin, faces, vertex_colors)
-    prior = _prior(view, origin, settings)
-    rotation, centre = prior.rotation, prior.centre
+    case = _Case(view, origin, scan, settings)
+    prior = _prior(view, origin, settings.rotation_sigma, settings.centre_sigma)
+    pose = yield from part(_refined_job(case, prior, None), 0.1, 0.5)
+    if pose.refined and (view.covariance is not None or likely_move(pose, origin, prior)):
+        return pose
+    # where nobody said how rough the start is, it seems to be rougher than usual
+    rough = _prior(view, origin, settings.far_rotation_sigma, settings.far_centre_sigma)
+    start = yield from part(search_start_job(view, scan, rough, settings), 0.5, 0.8)
+    if start is None:
+        return pose
+    farther = yield from part(_refined_job(case, rough, start), 0.8, 1.0)
+    return farther if farther.refined and farther.score_after > pose.score_after else pose
+
+
+@dataclass(frozen=True, eq=False)
+class _Case:
+    """What is refined: a photo against a scan whose coordinates are relative to `origin` (3,) m."""
+
+    view: View
+    origin: FloatArray
+    scan: Scan
+    settings: EdgeSettings
+
+
+def _refined_job(case: _Case, prior: PosePrior, start: Start | None) -> Job[EdgePose]:
+    """Align from the prior's pose, or from a `start` that a search found, and decide."""
+    scan, settings = case.scan, case.settings
+    rotation, centre = (start or prior).rotation, (start or prior).centre
     rng = np.random.default_rng(settings.seed)
-    triangle = _triangle_size(view, prior, scan)
-    rounds = _rounds(_finest_scale(view, triangle, settings), settings)
+    rounds = _rounds(finest_scale(case.view, prior, scan, settings), start is not None, settings)
     alignment, photo, last_scale = None, None, 0.0
     for number, (scale, widths) in enumerate(rounds):
-        yield Progress(0.1 + 0.8 * number / len(rounds), f"Aligning edges at {scale:.0%} of the photo")
+        yield Progress(0.8 * number / len(rounds), f"Aligning edges at {scale:.0%} of the photo")
         if photo is None or scale != last_scale:
-            photo, last_scale = _photo(view, scale, scan, settings), scale
+            photo, last_scale = photo_at(case.view, scale, scan, settings), scale
         edges = find_scan_edges(photo.camera, rotation, centre, scan, settings)
-        fit, _ = _divided(edges, settings, rng)
+        fit, _ = divided_edges(edges, settings, rng)
         alignment = align_edges(photo, fit, rotation, centre, prior, widths)
         rotation, centre = alignment.rotation, alignment.centre
     yield Progress(0.9, "Comparing with the pose before")
     assert photo is not None and alignment is not None
-    return _decide(view, origin, photo, scan, prior, alignment, settings)
+    return _decide(case, photo, prior, alignment, start)
 
 
-def _photo(view: View, scale: float, scan: Scan, settings: EdgeSettings) -> Photo:
-    """The photo's edges at `scale`; those of a noisy scan are doubted more."""
-    field = photo_edge_field(read_view(view, scale), read_view_mask(view, scale))
-    doubt = 0.75 * settings.search * min(1.0, scan.noise / np.radians(ROUGH))
-    return Photo(view.camera.scaled(scale), field, settings.search, float(doubt))
+def _rounds(finest: float, near: bool, settings: EdgeSettings) -> list[tuple[float, tuple[float, ...]]]:
+    """Image scale and matching widths (px) of each round; the scan is rendered anew in each.
 
-
-def _triangle_size(view: View, prior: PosePrior, scan: Scan) -> float:
-    """Median side of the scan's triangles as seen from the pose, in pixels of the full photo."""
-    camera = view.camera
-    columns, rows = np.linspace(0, camera.width - 1, 48), np.linspace(0, camera.height - 1, 48)
-    pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
-    hits = scan.caster.first_hit(prior.centre, camera.unproject(pixels) @ prior.rotation)
-    struck = hits.face >= 0
-    if not struck.any():
-        return 1.0
-    corners = scan.vertices[scan.faces[hits.face[struck]]]
-    side = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
-    return float(np.nanmedian(side / hits.distance[struck] / angular_resolution(camera, pixels[struck])))
-
-
-def _finest_scale(view: View, triangle: float, settings: EdgeSettings) -> float:
-    """Largest image scale that makes sense: pixels not finer than the scan's triangles."""
-    largest = max(view.camera.width, view.camera.height)
-    scale = min(1.0, settings.photo_size / largest)
-    return float(np.clip(1.0 / triangle, min(COARSEST / largest, scale), scale))
-
-
-def _rounds(finest: float, settings: EdgeSettings) -> list[tuple[float, tuple[float, ...]]]:
-    """Image scale and matching widths (px) of each round; the scan is rendered anew in each."""
+    A start that is `near` already, from a search, needs no coarse ones.
+    """
     wide, narrow = (settings.search / 2, 2.0), (2.0, 1.0)
-    return [
+    coarse = [
         (finest / 4, wide),
         (finest / 4, narrow),
         (finest / 2, narrow),
-        (finest / 2, narrow),
-        (finest, narrow),
-        (finest, (1.0,)),
     ]
+    fine = [(finest / 2, narrow), (finest, narrow), (finest, (1.0,))]
+    return fine if near else coarse + fine
 
 
-def _prior(view: View, origin: FloatArray, settings: EdgeSettings) -> PosePrior:
+def _prior(view: View, origin: FloatArray, degrees: float, metres: float) -> PosePrior:
+    """The starting pose with its covariance; without one, standard deviations per axis."""
     covariance = view.covariance
     if covariance is None:
-        sigma = np.repeat([np.radians(settings.rotation_sigma), settings.centre_sigma], 3)
+        sigma = np.repeat([np.radians(degrees), metres], 3)
         covariance = np.diag(sigma**2)
     return PosePrior(view.rotation, view.centre - origin, covariance)
 
 
-def _divided(
-    edges: ScanEdges, settings: EdgeSettings, rng: np.random.Generator
-) -> tuple[ScanEdges, ScanEdges]:
-    """Edges for the fit and those held back for the score: one tile of 32 pixels in four."""
-    tile = (edges.pixels // 32).astype(np.int64)
-    held = (tile[:, 0] + 2 * tile[:, 1]) % 4 == 0
-    return _at_most(edges.select(~held), settings.max_edges, rng), _at_most(
-        edges.select(held), settings.max_edges, rng
-    )
-
-
-def _at_most(edges: ScanEdges, count: int, rng: np.random.Generator) -> ScanEdges:
-    if len(edges) <= count:
-        return edges
-    return edges.select(np.sort(rng.choice(len(edges), count, replace=False)))
-
-
 def _decide(
-    view: View,
-    origin: FloatArray,
-    photo: Photo,
-    scan: Scan,
-    prior: PosePrior,
-    alignment: Alignment,
-    settings: EdgeSettings,
+    case: _Case, photo: Photo, prior: PosePrior, alignment: Alignment, start: Start | None
 ) -> EdgePose:
     """The refined pose, its covariance widened by the checks, or the old one where the evidence is thin."""
+    view, settings = case.view, case.settings
     poses = [(prior.rotation, prior.centre), (alignment.rotation, alignment.centre)]
     rng = np.random.default_rng(settings.seed)
     # both poses are judged by the edges seen from either
-    seen = [_divided(find_scan_edges(photo.camera, *pose, scan, settings), settings, rng) for pose in poses]
+    seen = [
+        divided_edges(find_scan_edges(photo.camera, *pose, case.scan, settings), settings, rng)
+        for pose in poses
+    ]
     before, after = (float(np.mean([edge_agreement(photo, held, *p) for _, held in seen])) for p in poses)
     note = (
         few_edges(alignment, settings) or no_agreement(before, after, settings) or far_move(alignment, prior)
@@ -188,10 +169,13 @@ def _decide(
         disagreement = disagreement_of_halves(photo, fit, alignment, prior, widths)
         # the first round matches at a quarter of this level, half of the search wide
         reach = 4 * settings.search / 2
+        if start is not None:
+            # a wrong edge is not what all starts agree on and what the photo shows clearly
+            reach = np.inf if start.unanimous and after >= settings.strong_score else 0.0
         note = halves_apart(disagreement, image_shift(photo, fit, alignment, prior), reach)
     if note:
         return EdgePose(view.rotation, view.translation, prior.covariance, before, before, 0, note)
-    centre = alignment.centre + origin
+    centre = alignment.centre + case.origin
     return EdgePose(
         alignment.rotation,
         -alignment.rotation @ centre,
