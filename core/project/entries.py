@@ -15,6 +15,7 @@ from ..photos.photo import Photo
 from ..settings import PoseSettings, ScanSettings, TextureSettings
 from .delivery import DeliverySettings
 from .imported import ImportedCameras
+from .point_poses import Picks, PointsEntry
 from .refinement import RefineSettings
 
 Use = Literal["texture", "pose", "none"]
@@ -67,7 +68,7 @@ class PhotoEntry:
     `imported` is its pose in the world of the program that its camera was imported from. `refine` tells
     whether its pose may be moved by refinement; others are tied to one that may not. `layer` names the set of
     photos that it belongs to (raking light, infrared); `priority` prefers it for texture, in octaves of texel
-    size.
+    size. `picks` are the pixels of surveyed points, by name.
     """
 
     photo: Photo
@@ -77,6 +78,7 @@ class PhotoEntry:
     imported: tuple[FloatArray, FloatArray] | None = None
     layer: str = ""
     priority: float = 0.0
+    picks: Picks = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -112,3 +114,4 @@ class Project:
     output: OutputEntry
     cameras: ImportedCameras | None = None
     atlas: DeliverySettings | None = None
+    points: PointsEntry | None = None

@@ -11,11 +11,20 @@ import numpy as np
 from ..arrays import FloatArray
 from ..errors import ProjectError
 from ..scans.read import READERS
-from ..settings import AtlasSettings, EdgeSettings, JointSettings, PoseSettings, ScanSettings, TextureSettings
+from ..settings import (
+    AtlasSettings,
+    EdgeSettings,
+    JointSettings,
+    PointSettings,
+    PoseSettings,
+    ScanSettings,
+    TextureSettings,
+)
 from .delivery import DeliverySettings
 from .entries import LabelSource, OutputEntry, Project, RegionEntries, ScanEntry
 from .exported import FORMATS
 from .photos import read_photos
+from .point_poses import MARKERS, PointsEntry
 from .refinement import RefineSettings
 from .settings import read_settings
 from .table import Table
@@ -51,6 +60,7 @@ def load_project(path: Path | str) -> Project:
         output=_output(root.table("output"), path),
         cameras=cameras,
         atlas=_atlas(root),
+        points=_points(root, any(entry.picks for entry in photos)),
     )
     root.finish()
     return project
@@ -84,6 +94,18 @@ def _refine(table: Table) -> RefineSettings:
     chosen = RefineSettings(_optional(table, "edges", EdgeSettings), _optional(table, "joint", JointSettings))
     table.finish()
     return chosen
+
+
+def _points(root: Table, picked: bool) -> PointsEntry | None:
+    """Surveyed points, None without them; picked ones need their table."""
+    if "points" not in root:
+        if picked:
+            root.fail("points", "is missing; name the table of surveyed points: [points] path = …")
+        return None
+    table = root.table("points")
+    path, reach = table.path("path"), table.number("reach", 1, 10_000, 40)
+    markers = table.choice("markers", MARKERS, MARKERS[0]) if "markers" in table else ""
+    return PointsEntry(path, markers, reach, _settings(table, PointSettings))
 
 
 def _atlas(root: Table) -> DeliverySettings | None:

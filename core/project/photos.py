@@ -12,7 +12,7 @@ import numpy as np
 from ..arrays import FloatArray
 from ..cameras import Camera
 from ..cameras.exchange import PosedCamera
-from ..errors import CameraError, FrescoError, RegionError
+from ..errors import CameraError, FrescoError, RegionError, ScanError
 from ..photos.exif import read_exif
 from ..photos.image import SUFFIXES, image_size
 from ..photos.intrinsics import camera_from_exif
@@ -22,12 +22,13 @@ from .cameras import CameraEntry, check_one_size
 from .entries import PhotoEntry, Use
 from .imported import ImportedCameras, match_photos
 from .importing import read_imported
+from .point_poses import read_picks
 from .table import Table, hint
 
 T = TypeVar("T")
 
 _USES: tuple[Use, ...] = ("texture", "pose", "none")
-_KEYS = ("path", "camera", "regions", "mask", "use", "pose", "refine", "layer", "priority")
+_KEYS = ("path", "camera", "regions", "mask", "use", "pose", "refine", "layer", "priority", "points")
 _LARGEST_PRIORITY = 20.0
 """Octaves of texel size beyond which a photo wins or loses everywhere anyway."""
 _NOT_IN_NAMES = '/\\:*?"<>|'
@@ -169,7 +170,27 @@ def _entry(
     photo, layer, priority = _photo(draft, cameras, size, posed), _layer(draft), 0.0
     if "priority" in sources:
         priority = sources["priority"].number("priority", -_LARGEST_PRIORITY, _LARGEST_PRIORITY)
-    return PhotoEntry(photo, use, pose, refine, elsewhere, layer, priority)
+    return PhotoEntry(photo, use, pose, refine, elsewhere, layer, priority, _picks(draft))
+
+
+def _picks(draft: _Draft) -> dict[str, tuple[float, float]]:
+    """Picked points of a photo: a table { name = [u, v] }, or a file of name, u, v; a photo may have none."""
+    table = draft.sources.get("points")
+    if table is None:
+        return {}
+    value = table.get("points")
+    if isinstance(value, dict):
+        of_photo = table.table("points")
+        pairs = {name: of_photo.numbers(name, [2]) for name in of_photo.values}
+        return {name: (pair[0], pair[1]) for name, pair in pairs.items()}
+    pattern = table.text("points")
+    path = table.resolve(pattern.replace("{photo}", draft.path.stem))
+    if not path.is_file():
+        return {} if "{photo}" in pattern else read_picks(table.existing("points", pattern))
+    try:
+        return read_picks(path)
+    except (ScanError, UnicodeDecodeError) as error:
+        table.fail("points", str(error))
 
 
 def _layer(draft: _Draft) -> str:

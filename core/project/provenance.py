@@ -155,6 +155,7 @@ def _photo(entry: PhotoEntry, result: PhotoPose, scan: Scan, textured: TexturedS
             "rotation_sigma": None if sure is None else sure.rotation_sigma,
             "centre_sigma": None if sure is None else sure.centre_sigma,
             "covariance": None if sure is None else sure.covariance.tolist(),
+            "points": [vars(point) for point in result.points],
             "refinements": [_refinement(step, scan) for step in result.refinements],
         }
     return out

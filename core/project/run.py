@@ -27,6 +27,7 @@ from .exported import cameras_path, solved_cameras, write_cameras
 from .models import layer_ending, models_job, output_path
 from .photo_pose import PhotoPose
 from .placing import place_cameras
+from .point_poses import PointsEntry, solve_points_job
 from .poses import solve_poses_job
 from .provenance import local_translation, provenance, write_photo_per_face, write_provenance
 from .refinement import RefineSettings, refine_poses_job, view_of
@@ -137,6 +138,7 @@ def check_inputs_job(project: Project) -> Job[dict[Path, str]]:
     """
     digests: dict[Path, str] = {}
     others = [project.path, project.scan.path, *project.scan.occluders, *_camera_files(project)]
+    others += [project.points.path] if project.points is not None else []
     for path in [*others, *(source.path for source in project.regions.labels)]:
         yield Progress(0.0, f"Checking {path.name}")
         digests[path] = _told(project, "scan", file_digest, path)
@@ -213,10 +215,24 @@ def _pose_job(
     if project.cameras is not None:
         by_name |= place_cameras(project.cameras, project.photos, by_name, scan)
     poses = [by_name[entry.photo.name] for entry in project.photos]
+    if project.points is not None:
+        poses = yield from _points_job(project, project.points, poses, scan, store)
     if not any(pose.solved for pose in poses):
         reasons = "\n".join(" ".join([f"{pose.photo}: {pose.failure}", *pose.notes]) for pose in poses[:5])
         raise PoseNotFound(f"None of the {len(poses)} photos found its place.\n{reasons}")
     return poses
+
+
+def _points_job(
+    project: Project, entry: PointsEntry, poses: list[PhotoPose], scan: Scan, store: Store
+) -> Job[list[PhotoPose]]:
+    """Poses from points, of all photos but those whose pose is given."""
+    chosen = [number for number, photo in enumerate(project.photos) if photo.pose is None]
+    photos = [project.photos[number].photo for number in chosen]
+    picks = [project.photos[number].picks for number in chosen]
+    before = [poses[number] for number in chosen]
+    found = yield from solve_points_job(photos, picks, before, entry, scan.offset, store)
+    return [dict(zip(chosen, found, strict=True)).get(n, pose) for n, pose in enumerate(poses)]
 
 
 def _refine_job(project: Project, scan: Scan, poses: list[PhotoPose], store: Store) -> Job[list[PhotoPose]]:

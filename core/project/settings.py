@@ -12,6 +12,7 @@ from ..settings import (
     AtlasSettings,
     EdgeSettings,
     JointSettings,
+    PointSettings,
     PoseSettings,
     ScanSettings,
     TextureSettings,
@@ -19,7 +20,14 @@ from ..settings import (
 from .table import Table
 
 Settings = TypeVar(
-    "Settings", ScanSettings, PoseSettings, EdgeSettings, JointSettings, TextureSettings, AtlasSettings
+    "Settings",
+    ScanSettings,
+    PoseSettings,
+    PointSettings,
+    EdgeSettings,
+    JointSettings,
+    TextureSettings,
+    AtlasSettings,
 )
 
 _RANGES = {
@@ -31,6 +39,7 @@ _RANGES = {
     "visible_share": (0.0, 1.0),
     "clipped_level": (1.0, 255.0),
     "max_candidates": (1.0, 1000.0),
+    "confidence": (0.5, 1.0),
     "photo_size": (64.0, 65536.0),
     "min_share": (0.0, 1.0),
     "max_parallax": (1.0, 180.0),
