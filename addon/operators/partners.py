@@ -121,7 +121,7 @@ def partners_job(search: PartnerSearch) -> Job[list[FoundPartners]]:
         found = propose_partners(search.camera, *search.pose, regions, patches)
         return [FoundPartners(((free[i], others[j]),), f"overlap {share:.0%}") for i, j, share in found]
     known = [(images[uid], surfaces[search.names[uid]]) for uid in paired]
-    job = propose_pairings_job(solver(search, known), regions, patches)
+    job = propose_pairings_job(search.camera, solver(search, known), regions, patches)
     tried = yield from part(job, 0.1, 1.0)
     return [
         FoundPartners(tuple((free[i], others[j]) for i, j in trial.pairs), pairing_note(trial), trial.pose)

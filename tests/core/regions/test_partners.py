@@ -1,9 +1,9 @@
-from dataclasses import dataclass
-
+import numpy as np
 import pytest
 from fresco.core.errors import PoseNotFound, RegionError
 from fresco.core.geometry.rigid import exp_so3
-from fresco.core.jobs import drain
+from fresco.core.jobs import Progress, drain
+from fresco.core.pose import estimate_pose
 from fresco.core.regions import ImageRegion
 from fresco.core.regions.partners import propose_pairings_job, propose_partners
 from photo_scenes import CAMERA, SHIFT, SURFACES, TURN, rectangle
@@ -20,23 +20,38 @@ def test_partners_are_found_by_projecting_with_a_rough_pose():
     assert all(0.5 < share < 1 for _, _, share in pairs)
 
 
-@dataclass
-class Solved:
-    overlap_error: float
+def solve(images, surfaces):
+    return estimate_pose(CAMERA, images, surfaces)
 
 
-def test_pairings_are_tried_scored_and_never_chosen():
-    images = [ImageRegion.from_polygon([[0, 0], [5, 0], [5, 5]], name=n) for n in "ab"]
-    surfaces = [rectangle(0, 0, 1, 1, name=n) for n in "abc"]
+PLACED = [*SURFACES, rectangle(-0.2, 0.4, 1.7, 0.7, depth=-0.5, name="sill")]
 
-    def solve(some, others):
-        wrong = sum(i.name != s.name for i, s in zip(some, others, strict=True))
-        if others[0].name == "c":
-            raise PoseNotFound("no pose")
-        return Solved(1.0 + 10 * wrong)
 
-    found = drain(propose_pairings_job(solve, images, surfaces, count=3))
-    assert found[0].pairs == ((0, 0), (1, 1)) and found[0].error == 1.0
-    assert [p.error for p in found] == sorted(p.error for p in found) and len(found) == 3
-    with pytest.raises(RegionError, match="too many"):
-        drain(propose_pairings_job(solve, images * 5, surfaces * 3))
+def seen(surfaces):
+    return [ImageRegion.from_polygon(CAMERA.project(s.vertices @ TURN.T + SHIFT)) for s in surfaces]
+
+
+def test_pairings_are_tried_scored_and_the_true_one_is_first():
+    stranger = rectangle(3, 3, 0.3, 2.0, name="stranger")
+    scan = [stranger, *reversed(PLACED)]
+    found = drain(propose_pairings_job(CAMERA, solve, seen(PLACED), scan))
+    assert found[0].pairs == ((0, 3), (1, 2), (2, 1)) and found[0].error < 0.5
+    assert np.allclose(found[0].pose.rotation, TURN, atol=1e-3)
+    assert [-len(p.pairs) for p in found] == sorted(-len(p.pairs) for p in found)
+
+
+def test_regions_that_have_no_pose_together_are_not_proposed():
+    def never(images, surfaces):
+        raise PoseNotFound("no pose")
+
+    assert drain(propose_pairings_job(CAMERA, never, seen(PLACED), PLACED)) == []
+
+
+def test_pairing_refuses_nothing_and_too_much_and_can_be_stopped():
+    with pytest.raises(RegionError, match="Mark regions"):
+        drain(propose_pairings_job(CAMERA, solve, [], PLACED))
+    with pytest.raises(RegionError, match="108 pairs are too many"):
+        drain(propose_pairings_job(CAMERA, solve, seen(PLACED) * 4, PLACED * 3))
+    job = propose_pairings_job(CAMERA, solve, seen(PLACED), PLACED)
+    assert isinstance(next(job), Progress)
+    job.close()
