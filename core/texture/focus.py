@@ -9,6 +9,7 @@ linear in 1/distance - 1/focus distance, motion blur adds a constant.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -107,17 +108,30 @@ def patch_detail(photo: ByteArray, scale: float, seen: VisibleFaces, patch_size:
 
 @dataclass(frozen=True, eq=False)
 class FocusModel:
-    """Blur of one photo: `sigma² = c0 + c1 x + c2 x²` (pixels²), x = 1/distance (1/m) within `span`."""
+    """Blur of one photo: `sigma² = c0 + c1 x + c2 x²` (pixels²), x = 1/distance (1/m) within `span`.
+
+    Beyond the span it stays as it is at its end, or grows as `lens` does, the blur that the lens's settings
+    cause.
+    """
 
     coefficients: FloatArray
     span: tuple[float, float] = (0.0, np.inf)
+    lens: FocusModel | None = None
 
     def blur(self, distance: AnyArray) -> FloatArray:
         """Sigma in pixels of the photo at distances (m)."""
-        x = np.clip(1.0 / np.asarray(distance, dtype=np.float64), *self.span)
-        c = self.coefficients
-        sigma: FloatArray = np.sqrt(np.clip(c[0] + c[1] * x + c[2] * x * x, 0, _WORST_BLUR**2))
+        x = 1.0 / np.asarray(distance, dtype=np.float64)
+        known: FloatArray = np.clip(x, *self.span)
+        squared = self._squared(known)
+        if self.lens is not None:
+            squared = squared + np.maximum(self.lens._squared(x) - self.lens._squared(known), 0)
+        sigma: FloatArray = np.sqrt(np.clip(squared, 0, _WORST_BLUR**2))
         return sigma
+
+    def _squared(self, x: FloatArray) -> FloatArray:
+        c = self.coefficients
+        squared: FloatArray = np.maximum(c[0] + c[1] * x + c[2] * x * x, 0)
+        return squared
 
     def lost_octaves(self, distance: AnyArray) -> FloatArray:
         """Octaves of resolution that the blur costs at distances (m)."""
@@ -125,12 +139,20 @@ class FocusModel:
         return lost
 
 
-def fit_focus(details: list[PatchDetail], scales: FloatArray) -> list[FocusModel]:
-    """Blur of every photo from what all show on the same patches; `scales` (V,) of the analysed photos."""
+def fit_focus(
+    details: list[PatchDetail], scales: FloatArray, lenses: Sequence[FocusModel | None] | None = None
+) -> list[FocusModel]:
+    """Blur of every photo from what all show on the same patches; `scales` (V,) of the analysed photos.
+
+    `lenses` are what the lens's settings say, where they are known: they stand for photos that share too
+    little with others, and for distances at which nothing was compared.
+    """
     missing = _missing_detail(details)
     return [
-        _fit_photo(detail, lack, float(scale))
-        for detail, lack, scale in zip(details, missing, scales, strict=True)
+        _fit_photo(detail, lack, float(scale), lens)
+        for detail, lack, scale, lens in zip(
+            details, missing, scales, lenses or [None] * len(details), strict=True
+        )
     ]
 
 
@@ -185,7 +207,7 @@ def _on_octaves(d: PatchDetail, lowest: int) -> tuple[FloatArray, BoolArray, Ind
     return values, d.shown[:, :-1] & d.shown[:, 1:], cells
 
 
-def _fit_photo(detail: PatchDetail, lack: FloatArray, scale: float) -> FocusModel:
+def _fit_photo(detail: PatchDetail, lack: FloatArray, scale: float, lens: FocusModel | None) -> FocusModel:
     """Fit `sigma²` to the missing detail: a Gaussian blur takes `(frequency sigma)²` off the log energy."""
     share = np.ceil(detail.octave) - detail.octave
     frequency = _FREQUENCY[:-1] * 2.0 ** -share[:, None]
@@ -196,13 +218,13 @@ def _fit_photo(detail: PatchDetail, lack: FloatArray, scale: float) -> FocusMode
     total = (weight * slope).sum(axis=1)
     usable = total > 0
     if np.count_nonzero(usable) < 8:
-        return FocusModel(np.zeros(3))
+        return lens or FocusModel(np.zeros(3))
     lack = lack - _contrast_offset(frequency[known] ** 2, lack[known])
     sigma2 = np.sum(np.where(known, weight * lack, 0), axis=1)[usable] / total[usable] / scale**2
     x = detail.nearness[usable]
     span = np.percentile(x, [2, 98])
     coefficients = _robust_parabola(x, np.clip(sigma2, -4, _WORST_BLUR**2))
-    return FocusModel(coefficients, (float(span[0]), float(span[1])))
+    return FocusModel(coefficients, (float(span[0]), float(span[1])), lens)
 
 
 def _contrast_offset(slope: FloatArray, lack: FloatArray) -> float:

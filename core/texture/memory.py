@@ -24,6 +24,8 @@ _PER_CANDIDATE = 45.0
 _PER_ANALYSED_PIXEL = 25.0
 _PER_DECODED_PIXEL = 6.0
 """Bytes per pixel of a photo that is decoded whole; JPEGs are decoded smaller."""
+_PER_MEASURED_PIXEL = 14.0
+"""Bytes per pixel where the published focus measure looks at the whole photo."""
 _FEWEST = 3
 """Candidates below which gains, strangers and seams would suffer."""
 _MOST_THREADS = 8
@@ -72,4 +74,6 @@ def photo_bytes(view: View, settings: TextureSettings) -> float:
     pixels = float(view.camera.width * view.camera.height)
     whole = isinstance(view.image, (str, Path)) and Path(view.image).suffix.lower() not in (".jpg", ".jpeg")
     decoded = pixels * _PER_DECODED_PIXEL if whole else 0.0
+    if settings.sharpness == "published":
+        decoded = pixels * _PER_MEASURED_PIXEL
     return decoded + _PER_ANALYSED_PIXEL * min(pixels, settings.analysed_pixels)

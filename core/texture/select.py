@@ -105,7 +105,7 @@ def _judge_job(
     focus: list[FocusModel | None] = [None] * len(views)
     if settings.sharpness == "compared":
         yield Progress(0.7, "Comparing the photos' sharpness")
-        focus[:] = fit_focus(survey.details, survey.scales)
+        focus[:] = fit_focus(survey.details, survey.scales, survey.lenses)
         _charge_blur(surface, table, views, focus)
     yield Progress(0.8, "Comparing the photos' contents")
     colours = corrected_colours(table, gain)

@@ -15,8 +15,9 @@ from ..photos.view import View
 from ..settings import TextureSettings
 from .agreement import Preview
 from .candidates import CandidateTable, candidate_cost
-from .focus import PatchDetail, no_detail, patch_detail
-from .images import read_reduced_photo, view_name
+from .focus import FocusModel, PatchDetail, no_detail, patch_detail
+from .focus_range import in_depth_of_field, lens_focus
+from .images import read_photo, read_reduced_photo, view_name
 from .kept import KeptPhotos
 from .memory import plan_memory
 from .samples import PhotoSamples, sample_photo
@@ -32,7 +33,8 @@ _PATCHES = 32_000
 class PhotoSurvey:
     """What one photo contributes: its faces, their samples and detail, and a reduced picture of it.
 
-    `scale` is the one at which the photo was analysed.
+    `scale` is the one at which the photo was analysed; `lens` (3,) the coefficients of the blur that its
+    lens's settings cause, NaN when they are not known.
     """
 
     seen: SeenFaces
@@ -40,6 +42,7 @@ class PhotoSurvey:
     detail: PatchDetail
     preview: Preview
     scale: float
+    lens: FloatArray
 
     def to_arrays(self) -> dict[str, AnyArray]:
         """Everything as named arrays, to be kept in a file."""
@@ -47,7 +50,7 @@ class PhotoSurvey:
         named = {
             f"{type(p).__name__}.{f.name}": np.asarray(getattr(p, f.name)) for p in parts for f in fields(p)
         }
-        return named | {"scale": np.array(self.scale)}
+        return named | {"scale": np.array(self.scale), "lens": self.lens}
 
     @classmethod
     def from_arrays(cls, saved: dict[str, AnyArray]) -> PhotoSurvey:
@@ -58,12 +61,17 @@ class PhotoSurvey:
             return kind(**{f.name: saved[f"{kind.__name__}.{f.name}"] for f in fields(kind)})
 
         seen, samples, detail = part(SeenFaces), part(PhotoSamples), part(PatchDetail)
-        return cls(seen, samples, detail, preview, float(saved["scale"]))
+        return cls(seen, samples, detail, preview, float(saved["scale"]), saved["lens"])
+
+    @property
+    def lens_focus(self) -> FocusModel | None:
+        """What the lens's settings say about the blur."""
+        return FocusModel(self.lens) if np.isfinite(self.lens).all() else None
 
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """What all V photos contribute; `scales` (V,) at which they were analysed.
+    """What all V photos contribute; `scales` (V,) at which they were analysed, `lenses` their settings.
 
     Photos that see no face have no preview and no detail.
     """
@@ -72,6 +80,7 @@ class Survey:
     details: list[PatchDetail]
     previews: list[Preview | None]
     scales: FloatArray
+    lenses: list[FocusModel | None]
 
 
 def survey_photos_job(
@@ -92,6 +101,7 @@ def survey_photos_job(
     details: list[PatchDetail] = [no_detail()] * len(views)
     previews: list[Preview | None] = [None] * len(views)
     scales = np.ones(len(views))
+    lenses: list[FocusModel | None] = [None] * len(views)
     used = [number for number in range(len(views)) if priorities[number] > -np.inf]
     for start in range(0, len(used), plan.photos_together):
         batch = used[start : start + plan.photos_together]
@@ -102,7 +112,8 @@ def survey_photos_job(
             cost = candidate_cost(one.seen, one.samples.clipped, priorities[number], settings)
             table.add(number, one.seen, cost, one.samples)
             details[number], previews[number], scales[number] = one.detail, one.preview, one.scale
-    return Survey(table, details, previews, scales)
+            lenses[number] = one.lens_focus
+    return Survey(table, details, previews, scales, lenses)
 
 
 def _survey_batch(
@@ -133,6 +144,11 @@ def survey_photo(surface: Surface, view: View, settings: TextureSettings) -> Pho
     seen = visible_faces(surface, view, settings)
     if len(seen) == 0:
         return None
+    if settings.sharpness == "published":
+        seen = seen.subset(in_depth_of_field(read_photo(view), view, seen, settings))
+        if len(seen) == 0:
+            return None
+    lens = lens_focus(view)
     photo, scale = read_reduced_photo(view, settings.analysed_pixels)
     patch_size = max(1, -(-surface.face_count // _PATCHES))
     return PhotoSurvey(
@@ -141,4 +157,5 @@ def survey_photo(surface: Surface, view: View, settings: TextureSettings) -> Pho
         patch_detail(photo, scale, seen, patch_size),
         Preview.of_photo(photo, scale),
         scale,
+        np.full(3, np.nan) if lens is None else lens.coefficients,
     )
