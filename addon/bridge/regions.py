@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
+from scipy.spatial import cKDTree
 
 from ...core.arrays import ArrayLike, BoolArray, FloatArray, IndexArray, IntArray
 from ...core.photos import RegionMark
@@ -17,7 +18,7 @@ from ...core.regions import ImageRegion, SurfaceRegion
 from ..properties import FrescoPhoto, FrescoRegion
 from . import meshes
 from .images import load_mask, pack_mask
-from .world import matrix_to_array
+from .world import matrix_to_array, read_offset
 
 _GOLDEN_RATIO = 0.618033988749895  # turns of the hue circle: neighbours in the list differ most
 
@@ -81,6 +82,50 @@ def count_faces(scene: bpy.types.Scene) -> None:
     for region in scene.fresco.regions:
         region.face_count = int(np.count_nonzero(read_faces(scene, region))) if scene.fresco.scan else 0
         region.revision = secrets.randbits(31)
+
+
+@dataclass(frozen=True, eq=False)
+class KeptFaces:
+    """Where regions lay on a scan that is being replaced: middles (F,3) m of its faces, true coordinates.
+
+    `inside` tells by the region's number which faces (F,) belong to it; `reach` (m) is the faces' usual size.
+    """
+
+    middle: FloatArray
+    reach: float
+    inside: Mapping[int, BoolArray]
+
+
+def keep_faces(scene: bpy.types.Scene) -> KeptFaces | None:
+    """Remember the faces of all regions before another scan takes the scan's place; None without any."""
+    scan = scene.fresco.scan
+    if scan is None or not meshes.is_triangulated(scan.data):
+        return None
+    inside = {r.uid: read_faces(scene, r) for r in scene.fresco.regions if r.face_count > 0}
+    if not inside:
+        return None
+    corners = meshes.read_vertices(scan)[meshes.read_faces(scan.data)]
+    size = float(np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)))
+    return KeptFaces(corners.mean(axis=1) + read_offset(scene), size, inside)
+
+
+def restore_faces(scene: bpy.types.Scene, kept: KeptFaces | None) -> None:
+    """Give regions that a new scan does not have itself the faces that lie where theirs were.
+
+    A face belongs to a region when the nearest one of the earlier scan did, no farther than a face's width.
+    """
+    if kept is None:
+        return
+    bare = [r for r in scene.fresco.regions if not r.is_on_scan and r.uid in kept.inside]
+    if not bare:
+        return
+    scan = scene.fresco.scan
+    corners = meshes.read_vertices(scan)[meshes.read_faces(scan.data)]
+    gap, nearest = cKDTree(kept.middle).query(corners.mean(axis=1) + read_offset(scene))
+    for region in bare:
+        inside = (gap < kept.reach) & kept.inside[region.uid][nearest]
+        if inside.any():
+            write_faces(scene, region, inside)
 
 
 def remove_region(scene: bpy.types.Scene, index: int) -> None:

@@ -25,6 +25,7 @@ def show_scan(
     if scan.is_cloud:
         raise ScanError(f"{scan.name}: the file holds points only. Mesh it first, or import the mesh.")
     fresco = context.scene.fresco
+    kept = regions.keep_faces(context.scene)
     obj = bpy.data.objects.new(
         scan.name or "Scan", meshes.build_mesh(scan.name or "Scan", scan.vertices, scan.faces)
     )
@@ -35,6 +36,7 @@ def show_scan(
     fresco.scan_report = "\n".join(scan.report)
     fresco.texture_report = fresco.texture_warnings = ""
     regions.write_face_sets(context.scene, scan.face_sets if region_faces is None else region_faces)
+    regions.restore_faces(context.scene, kept)
     context.view_layer.objects.active = obj
     return obj
 

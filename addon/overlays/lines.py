@@ -100,7 +100,7 @@ class Labels:
         self._boxes.append((x, y, width, line))
         _draw_ground(x - 4 * scale, y - 4 * scale, width + 8 * scale, height + 8 * scale)
         blf.position(font, round(x), round(y), 0)
-        blf.color(font, *(0.35 + 0.65 * np.asarray(color[:3], dtype=np.float64)), 1.0)
+        blf.color(font, *(0.5 + 0.5 * np.asarray(color[:3], dtype=np.float64)), 1.0)
         blf.draw(font, text)
 
     @staticmethod

@@ -29,17 +29,17 @@ def draw() -> None:
     entries = legend["entries"][:_MOST]
     for colour, text in reversed(entries):
         _rectangles([(x, y, SWATCH * scale, SWATCH * scale)], [colour])
-        _text(x + 1.6 * SWATCH * scale, y + 1, text, scale)
+        draw_text(x + 1.6 * SWATCH * scale, y + 1, text, scale)
         y += LINE * scale
     if legend["scale"]:
         y += 0.4 * LINE * scale
         width = BAR * scale / len(legend["scale"])
         boxes = [(x + n * width, y, width, SWATCH * scale) for n in range(len(legend["scale"]))]
         _rectangles(boxes, legend["scale"])
-        _text(x, y + 1.4 * SWATCH * scale, legend["ends"][0], scale)
-        _text(x + BAR * scale + 8, y + 1, legend["ends"][1], scale)
+        draw_text(x, y + 1.4 * SWATCH * scale, legend["ends"][0], scale)
+        draw_text(x + BAR * scale + 8, y + 1, legend["ends"][1], scale)
         y += 2.2 * LINE * scale
-    _text(x, y + 2, legend["title"], 1.15 * scale)
+    draw_text(x, y + 2, legend["title"], 1.15 * scale)
 
 
 def _rectangles(boxes: list[tuple[float, float, float, float]], colours: list[list[float]]) -> None:
@@ -57,7 +57,8 @@ def _linear(value: float) -> float:
     return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
 
 
-def _text(x: float, y: float, text: str, scale: float) -> None:
+def draw_text(x: float, y: float, text: str, scale: float) -> None:
+    """Write at a place of the region, in pixels, readable on any ground."""
     blf.size(0, 12 * scale)
     blf.enable(0, blf.SHADOW)
     blf.shadow(0, 3, 0.0, 0.0, 0.0, 1.0)

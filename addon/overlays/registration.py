@@ -6,7 +6,7 @@ import bpy
 
 from ..tools.prepared import STORE
 from ..tools.watch import WATCH
-from . import maps, photo, residuals, scan
+from . import maps, photo, points, residuals, scan
 
 CLASSES = ()
 _handles: list[tuple[type, object]] = []  # Blender's handles of draw callbacks
@@ -52,6 +52,7 @@ def attach() -> None:
         (view, scan.draw, "POST_VIEW"),
         (view, scan.draw_names, "POST_PIXEL"),
         (image_editor, residuals.draw_on_photo, "POST_PIXEL"),
+        (image_editor, points.draw, "POST_PIXEL"),
         (view, residuals.draw_in_view, "POST_VIEW"),
         (view, maps.draw, "POST_PIXEL"),
     ):

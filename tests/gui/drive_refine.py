@@ -61,7 +61,7 @@ def refine_edges(ui):
     yield from stop(ui, "refine by edges")
     assert poses() == before
     hold(False)
-    yield from press(ui, "fresco.refine_edges(only_active=True", at=0.9)
+    yield from press(ui, "fresco.refine_edges(only_active=True", at=0.87)
     yield 0.3
     yield from ui.wait(lambda: not steps_script.job().running, 90, "the step to end")
     assert fresco().active_photo.refined == 1

@@ -27,6 +27,14 @@ def told():
     return bpy.context.window_manager.fresco_job.error
 
 
+def sentence(ui, seconds=20):
+    """Wait for the sentence that tells of an error, and take it away."""
+    yield from ui.wait(told, seconds, "the sentence")
+    text = told()
+    bpy.ops.fresco.dismiss_error()
+    return text
+
+
 def mask_of(region, photo=None):
     photo = photo or fresco().photos[0]
     return module("bridge.images").read_mask_pixels(photo.mark(region.uid).image)
