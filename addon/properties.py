@@ -11,6 +11,7 @@ from .settings import (
     FrescoAtlasSettings,
     FrescoEdgeSettings,
     FrescoJointSettings,
+    FrescoPointSettings,
     FrescoPoseSettings,
     FrescoScanSettings,
     FrescoTextureSettings,
@@ -64,6 +65,30 @@ class FrescoMark(bpy.types.PropertyGroup):
     )
 
 
+class FrescoPick(bpy.types.PropertyGroup):
+    """A surveyed point as picked in one photo; its name is the point's."""
+
+    pixel: bpy.props.FloatVectorProperty(
+        name="Pixel", size=2, precision=2, description="Pixels from the centre of the top-left pixel"
+    )
+    active: bpy.props.BoolProperty(name="Use", default=True, description="Use this point for the pose")
+    used: bpy.props.BoolProperty(description="Whether the pose rests on it")
+    residual: bpy.props.FloatProperty(default=-1, description="Distance (pixels) from where the pose puts it")
+    offset: bpy.props.FloatVectorProperty(size=2, description="Picked minus projected pixel")
+
+
+class FrescoPoint(bpy.types.PropertyGroup):
+    """A point with known coordinates."""
+
+    place: bpy.props.FloatVectorProperty(
+        name="Place",
+        size=3,
+        subtype="TRANSLATION",
+        precision=4,
+        description="Coordinates in the scene, without the scan's offset",
+    )
+
+
 class FrescoPhoto(bpy.types.PropertyGroup):
     """A photo, its calibrated camera and its pose."""
 
@@ -87,6 +112,7 @@ class FrescoPhoto(bpy.types.PropertyGroup):
     solution_json: bpy.props.StringProperty(description="What the solver found, with the alternatives")
     candidate: bpy.props.IntProperty(description="Which of the solver's poses is shown, 0 the best")
     marks: bpy.props.CollectionProperty(type=FrescoMark)
+    picks: bpy.props.CollectionProperty(type=FrescoPick)
     use: bpy.props.BoolProperty(name="Use", default=True, description="Use this photo at all")
     use_texture: bpy.props.BoolProperty(
         name="Use for Texture",
@@ -296,6 +322,9 @@ class FrescoScene(bpy.types.PropertyGroup):
     texture_report: bpy.props.StringProperty(description="Numbers of the texture, one line each")
     scan_settings: bpy.props.PointerProperty(type=FrescoScanSettings)
     pose: bpy.props.PointerProperty(type=FrescoPoseSettings)
+    points: bpy.props.CollectionProperty(type=FrescoPoint)
+    point_index: bpy.props.IntProperty(name="Point", update=_redraw)
+    point_settings: bpy.props.PointerProperty(type=FrescoPointSettings)
     edges: bpy.props.PointerProperty(type=FrescoEdgeSettings)
     joint: bpy.props.PointerProperty(type=FrescoJointSettings)
     compare: bpy.props.PointerProperty(type=FrescoCompare)
@@ -312,6 +341,11 @@ class FrescoScene(bpy.types.PropertyGroup):
         return self.photos[self.photo_index] if 0 <= self.photo_index < len(self.photos) else None
 
     @property
+    def active_point(self) -> FrescoPoint | None:
+        """The point chosen in the list."""
+        return self.points[self.point_index] if 0 <= self.point_index < len(self.points) else None
+
+    @property
     def active_region(self) -> FrescoRegion | None:
         """The region chosen in the list."""
         return self.regions[self.region_index] if 0 <= self.region_index < len(self.regions) else None
@@ -323,6 +357,8 @@ class FrescoScene(bpy.types.PropertyGroup):
 
 CLASSES = (
     FrescoMark,
+    FrescoPick,
+    FrescoPoint,
     FrescoPhoto,
     FrescoRegion,
     FrescoExportSettings,

@@ -14,6 +14,7 @@ from .operators import (
     mending,
     partners,
     photos,
+    points,
     pose,
     project,
     proposals,
@@ -27,6 +28,7 @@ from .panels import base as base_panel
 from .panels import export as export_panel
 from .panels import maps as maps_panel
 from .panels import photos as photos_panel
+from .panels import points as points_panel
 from .panels import pose as pose_panel
 from .panels import refine as refine_panel
 from .panels import regions as regions_panel
@@ -48,6 +50,7 @@ _MODULES = (
     proposals,
     partners,
     pose,
+    points,
     refine,
     texture,
     maps,
@@ -59,6 +62,7 @@ _MODULES = (
     photos_panel,
     regions_panel,
     pose_panel,
+    points_panel,
     refine_panel,
     texture_panel,
     maps_panel,

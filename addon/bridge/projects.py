@@ -12,10 +12,11 @@ from ...core.jobs import Job, part
 from ...core.photos import Photo
 from ...core.project import Project, ProjectResult
 from ...core.project.delivery import DeliverySettings
+from ...core.project.point_poses import read_points
 from ...core.scans import Scan
 from ...core.settings import EdgeSettings, JointSettings
 from ..settings import from_core
-from . import photos, regions, scans
+from . import photos, points, regions, scans
 from .images import load_mask
 from .previews import preview_job
 from .texture import show_layers
@@ -78,6 +79,7 @@ def show_project(context: bpy.types.Context, opened: OpenedProject) -> None:
     from_core(fresco.edges, project.refine.edges or EdgeSettings())
     from_core(fresco.joint, project.refine.joint or JointSettings())
     from_core(fresco.texture, project.texture)
+    show_points(context.scene, project, opened.scan)
     delivery = project.atlas or DeliverySettings()
     from_core(fresco.atlas, delivery.atlas)
     fresco.delivery.level, fresco.delivery.untouched = delivery.level, delivery.untouched
@@ -86,6 +88,20 @@ def show_project(context: bpy.types.Context, opened: OpenedProject) -> None:
     fresco.export.write_glb, fresco.export.write_obj = output.glb, output.obj
     fresco.export.write_report, fresco.export.write_blend = output.report, output.blend
     fresco.photo_index = 0
+
+
+def show_points(scene: bpy.types.Scene, project: Project, scan: Scan) -> None:
+    """Put a project's surveyed points and what was picked of them into the scene."""
+    scene.fresco.points.clear()
+    if project.points is None:
+        return
+    survey = read_points(project.points, scan.offset)
+    for name, place in zip(survey.names, survey.points, strict=True):
+        points.write_point(scene, name, place)
+    from_core(scene.fresco.point_settings, project.points.settings)
+    for entry in project.photos:
+        for name, pixel in entry.picks.items():
+            points.write_pick(scene.fresco.photos[entry.photo.name], name, pixel)
 
 
 def show_photo(context: bpy.types.Context, photo: Photo, preview: ByteArray | None) -> photos.FrescoPhoto:
@@ -109,4 +125,7 @@ def show_result(context: bpy.types.Context, result: ProjectResult, previews: Pre
     items = context.scene.fresco.photos
     for solved in result.poses:
         photos.write_solution(context.scene, items[solved.photo], solved)
+        for point in solved.points:
+            points.write_pick(items[solved.photo], point.name, point.pixel)
+        points.write_residuals(items[solved.photo], solved)
     show_layers(context.scene, result.layers)
