@@ -19,6 +19,15 @@ from .surface import Surface
 from .visibility import visible_faces
 
 _PROPOSALS = 60
+_CLEARANCE = 0.15
+"""Share of the distance to what is photographed that a camera keeps from everything else."""
+_AROUND = np.array(
+    [(x, y, z) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0) for z in (-1.0, 0.0, 1.0) if x or y or z]
+)
+_LEAST_SHARE = 0.01
+"""Share of the weak area below which another photo is not worth the way..."""
+_LEAST_FRAME = 0.1
+"""... unless it is this share of what a frame shows at the wanted texel size: large scans take many."""
 _NEAREST = 0.3
 """Share of the wanted distance below which a place is no longer useful: it would show too little."""
 
@@ -105,19 +114,26 @@ def next_standpoints_job(
         yield Progress(0.1 + 0.9 * number / len(views), "Trying places for the next photo")
         seen = visible_faces(surface, view, TextureSettings(max_angle=75.0))
         adds.append(seen.face[weak[seen.face] & (seen.texel <= wanted_texel)])
-    return _greedy(surface, views, adds, weak, count)
+    frame = camera.width * camera.height * wanted_texel**2
+    least = min(_LEAST_SHARE * float(surface.area[weak].sum()), _LEAST_FRAME * frame)
+    return _greedy(surface, views, adds, weak, count, least)
 
 
 def _greedy(
-    surface: Surface, views: Sequence[View], adds: Sequence[IndexArray], weak: BoolArray, count: int
+    surface: Surface,
+    views: Sequence[View],
+    adds: Sequence[IndexArray],
+    weak: BoolArray,
+    count: int,
+    least: float,
 ) -> list[Standpoint]:
-    """Pick places one after the other, each by the weak area that the ones before leave."""
+    """Pick places one after the other, each by the weak area that the ones before leave: `least` m²."""
     left = weak.copy()
     chosen: list[Standpoint] = []
     while len(chosen) < count and views:
         gains = [float(surface.area[faces[left[faces]]].sum()) for faces in adds]
         best = int(np.argmax(gains))
-        if gains[best] <= 0.01 * float(surface.area[weak].sum()):
+        if gains[best] <= least:
             break
         left[adds[best]] = False
         chosen.append(Standpoint(views[best].centre, np.asarray(views[best].rotation)[2], gains[best]))
@@ -144,10 +160,24 @@ def _candidate_views(
         start = surface.centroid[face] + 1e-4 * wanted * normal
         room = float(surface.caster.first_hit(start, normal[None]).distance[0])
         distance = min(wanted, 0.8 * room)
-        if distance >= _NEAREST * wanted:
-            centre = surface.centroid[face] + distance * normal + surface.origin
-            views.append(_facing(camera, centre, -normal, up))
+        centre = surface.centroid[face] + distance * normal
+        if distance >= _NEAREST * wanted and _is_free(surface, centre, _CLEARANCE * distance):
+            views.append(_facing(camera, centre + surface.origin, -normal, up))
     return views
+
+
+def _is_free(surface: Surface, centre: FloatArray, clearance: float) -> bool:
+    """Whether a camera can stand at `centre` (3,): nothing nearer than `clearance` (m), not inside a solid.
+
+    Looking around from inside a wall or a pillar shows the backs of faces.
+    """
+    hits = surface.caster.first_hit(centre, _AROUND)
+    struck = np.flatnonzero(hits.face >= 0)
+    if len(struck) == 0:
+        return True
+    backs = np.einsum("nk,nk->n", surface.normal[hits.face[struck]], _AROUND[struck]) > 0
+    near = bool(hits.distance[struck].min() < clearance)
+    return not near and 2 * int(np.count_nonzero(backs)) <= len(struck)
 
 
 def _facing(camera: Camera, centre: FloatArray, direction: FloatArray, up: FloatArray) -> View:
