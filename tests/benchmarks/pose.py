@@ -1,10 +1,12 @@
 """Benchmark of poses from regions: `python tests/benchmarks/pose.py [--quick] [--only TEXT] [--write]`.
 
 Draws the published protocol's cases with our own shapes, solves them without hints, and prints one row per
-setting; `--write` puts the table into docs/benchmarks.md. Times are CPU times of one thread.
+setting; `--write` puts the table into docs/benchmarks.md. Times are CPU times of one thread. With
+`--keep FOLDER` every row is kept there when it is done and not made again; several may run at once.
 """
 
 import argparse
+import json
 import os
 import sys
 import time
@@ -28,6 +30,7 @@ from fresco.core.geometry.outlines import fill_loops
 from fresco.core.geometry.rigid import log_so3, rotation_angle
 from fresco.core.pose import estimate_pose
 from fresco.core.regions import ImageRegion, SurfaceRegion
+from pose_shapes import plain_shapes
 
 cv2.setNumThreads(1)
 WIDTH, HEIGHT = cases.WIDTH, cases.HEIGHT
@@ -49,6 +52,10 @@ def polynomial():
 
 def unified():
     return CatadioptricCamera(WIDTH, HEIGHT, [[1000, 0, CENTRE[0]], [0, 1000, CENTRE[1]], [0, 0, 1]], 0.9)
+
+
+def plain(count, **arguments):
+    return {"regions": count, "shapes": plain_shapes(), **arguments}
 
 
 def panorama():
@@ -91,6 +98,10 @@ SETTINGS = {
         {"regions": 3, "image_error": 0.12, "unpaired": True},
         (0.05, 97, None, None),
     ),
+    "3 plain shapes, 12 %": (plain(3, image_error=0.12), None),
+    "2 plain shapes, 12 %": (plain(2, image_error=0.12), None),
+    "1 plain shape, exact": (plain(1), None),
+    "1 plain shape, 12 %": (plain(1, image_error=0.12), None),
 }
 
 
@@ -141,29 +152,36 @@ def run(name, count, seed):
     if "camera" in arguments:
         arguments["camera"] = arguments["camera"]()
     generator = np.random.default_rng([seed, *name.encode()])
-    rows, flagged, locked, seconds = [], [], [], []
-    for _ in range(count):
+    rows, flagged, locked, seconds, failures = [], [], [], [], []
+    for number in range(count):
         case = cases.make_case(generator, **arguments)
         pose, spent = solve(case, unpaired)
         seconds.append(spent)
         flagged.append(pose is None or pose.ambiguous)
         locked.append(pose is not None and pose.locked)
         rows.append(errors(case, pose) if pose else (180.0, np.inf, 100.0, np.nan))
-        if VERBOSE and (rows[-1][0] > 1 or rows[-1][3] > 40):
-            alternatives = [round(errors(case, a)[0], 2) for a in pose.alternatives] if pose else []
-            print(
-                "  ",
-                case.shapes,
-                np.round(rows[-1], 3),
-                "locked" if locked[-1] else "",
-                alternatives,
-                "flagged" if flagged[-1] else "",
-                pose and round(pose.rotation_sigma, 3),
-            )
-    return summary(name, np.array(rows), np.array(flagged), np.array(locked), np.array(seconds), target)
+        if rows[-1][0] > 1 or (rows[-1][3] > 40 and not flagged[-1]):
+            failures.append(failure(number, case, pose, rows[-1]))
+    result = summary(name, np.array(rows), np.array(flagged), np.array(locked), np.array(seconds))
+    return {**result, "count": count, "seed": seed, "target": target, "failures": failures}
 
 
-def summary(name, rows, flagged, locked, seconds, target):
+def failure(number, case, pose, measured):
+    """What is worth knowing of a case that went wrong."""
+    found = [] if pose is None else [errors(case, other)[0] for other in pose.alternatives]
+    return {
+        "number": number,
+        "shapes": [str(shape) for shape in case.shapes],
+        "rotation": round(measured[0], 3),
+        "nees": round(float(np.nan_to_num(measured[3], posinf=1e9)), 1),
+        "among the alternatives": bool(found and min(found) < 1.0),
+        "locked": pose is not None and pose.locked,
+        "sigma": None if pose is None else round(pose.rotation_sigma, 3),
+        "reason": "no pose" if pose is None else pose.reason,
+    }
+
+
+def summary(name, rows, flagged, locked, seconds):
     middle = np.nanmedian(rows, axis=0)
     trusted = rows[np.isfinite(rows[:, 3]) & ~flagged, 3]
     return {
@@ -178,7 +196,6 @@ def summary(name, rows, flagged, locked, seconds, target):
         "nees": float(np.mean(trusted)) if len(trusted) else np.nan,
         "nees_median": float(np.median(trusted)) if len(trusted) else np.nan,
         "ms": 1000 * float(np.median(seconds)),
-        "target": target,
     }
 
 
@@ -190,6 +207,7 @@ def row(result):
     target = result["target"] or (None,) * 4
     cells = [
         result["setting"],
+        str(result["count"]),
         against(result["rotation"], target[0], 4),
         against(result["within"], target[1], 1, "≥"),
         against(result["translation"], target[2], 2),
@@ -205,6 +223,7 @@ def row(result):
 
 COLUMNS = (
     "setting",
+    "cases",
     "rotation °",
     "within 1° %",
     "translation mm",
@@ -217,13 +236,12 @@ COLUMNS = (
 )
 HEADER = "| " + " | ".join(COLUMNS) + " |\n" + "|---" * len(COLUMNS) + "|"
 
-VERBOSE = False
 DOCUMENT = Path(__file__).parents[2] / "docs" / "benchmarks.md"
 START, END = "<!-- poses from regions: start -->", "<!-- poses from regions: end -->"
 
 TEXT = """## Poses from regions
 
-`python tests/benchmarks/pose.py --write` makes this table: {count} cases per setting (seed {seed}), 24
+`python tests/benchmarks/pose.py --write` makes this table (seed {seed}): 24
 shapes of our own drawn by code, larger side 1 m, one to three of them 1-2 m apart and turned by up to
 30°, a camera 2-6 m away (wide cameras: half of it), any orientation and an origin up to 10 km away.
 Boundary errors are squares of 3-8 % of √area, set and cleared along the boundary until they have changed
@@ -242,9 +260,9 @@ curved region: δ below 5 %.
 """
 
 
-def write(table, count, seed):
+def write(table, seed):
     """Put the section into the document, in place of the one that is there."""
-    section = f"{START}\n{TEXT.format(table=table, count=count, seed=seed, pnp=pnp_time())}\n{END}"
+    section = f"{START}\n{TEXT.format(table=table, seed=seed, pnp=pnp_time())}\n{END}"
     text = DOCUMENT.read_text() if DOCUMENT.exists() else "# Benchmarks\n\n"
     if START in text:
         text = text[: text.index(START)] + section + text[text.index(END) + len(END) :]
@@ -265,26 +283,43 @@ def pnp_time():
     return 10 * (time.process_time() - start)
 
 
+def kept(folder, name, count, seed):
+    """Row of a setting, from the folder if it is there, made and put there if not."""
+    path = folder / f"{name.replace(' ', '_').replace('%', 'percent')}.json" if folder else None
+    if path and path.exists():
+        result = json.loads(path.read_text())
+        if (result["count"], result["seed"]) == (count, seed):
+            return result
+    result = run(name, count, seed)
+    if path:
+        folder.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(result, indent=1))
+    return result
+
+
 def main():
-    global VERBOSE
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--count", type=int)
-    parser.add_argument("--only", default="")
+    parser.add_argument("--only", default="", help="these settings, or those whose name has one of these; separated by |")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--verbose", action="store_true")
+    parser.add_argument("--verbose", action="store_true", help="also print the cases that went wrong")
+    parser.add_argument("--keep", type=Path, help="folder of finished rows")
     parser.add_argument("--write", action="store_true")
     options = parser.parse_args()
-    VERBOSE = options.verbose
     count = options.count or (40 if options.quick else 200)
     print(HEADER, flush=True)
     rows = [HEADER]
-    for name in SETTINGS:
-        if options.only in name:
-            rows.append(row(run(name, count, options.seed)))
-            print(rows[-1], flush=True)
+    parts = options.only.split("|")
+    named = [name for name in SETTINGS if name in parts]
+    for name in named or [name for name in SETTINGS if any(part in name for part in parts)]:
+        result = kept(options.keep, name, count, options.seed)
+        rows.append(row(result))
+        print(rows[-1], flush=True)
+        for case in result["failures"] if options.verbose else ():
+            print("   ", case)
     if options.write:
-        write("\n".join(rows), count, options.seed)
+        write("\n".join(rows), options.seed)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from ...cameras.base import Camera
 from ...geometry.contours import resampled, smoothed
 from ...geometry.rigid import exp_so3
 
-SAMPLES = 600  # boundary samples per region
+SAMPLES = 400  # boundary samples per region
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from .algebraic import Candidates, joined
 from .ambiguity import chosen, plausible, unlike
 from .covariance import moment_covariance
 from .fitting import LEVELS, Contours, Level, OutlineFit, fit_outlines, unlocked
-from .overlap import overlap_errors
+from .overlap import ROUGHLY, overlap_errors
 from .problem import Problem, make_problem
 from .region_pose import RegionPose
 from .search import MOST_FITTED, moment_candidates
@@ -104,12 +104,15 @@ def _fits(
             rotation, translation = candidates.rotations[index], candidates.translations[index]
             covariance = moment_covariance(problem.moments, rotation, translation)
             fits += fit_outlines(level, contours, rotation, translation, covariance)
-        fits = [
-            fit for fit in fits if overlap_errors(problem.moments, fit.rotation, fit.translation)[0] <= limit
-        ]
+        fits = [fit for fit in fits if _apart(problem, fit) <= limit]
         if fits:
             return fits
     return []
+
+
+def _apart(problem: Problem, fit: OutlineFit) -> float:
+    """Overlap error in percent, roughly."""
+    return overlap_errors(problem.coarse, fit.rotation, fit.translation, ROUGHLY)[0]
 
 
 def _by_moments(contours: Contours, candidates: Candidates) -> list[OutlineFit]:

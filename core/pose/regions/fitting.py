@@ -66,6 +66,9 @@ SURE_SHARE = 0.6
 FALSE_LOCKS = 0.3
 """Of locks of one region in parts, not exact to the pixel, the share that may be wrong: then moments hold."""
 
+PLAIN_SHARE = 0.3
+"""The same where nothing else comes near."""
+
 MOST_OPTIMA = 3
 """Local optima followed per search."""
 
@@ -226,7 +229,7 @@ def _optima(
         here = [(exp_so3(step[:3]) @ rotation, translation + step[3:]) for step in followed]
         poses = here + poses[1:]  # the best of before has been searched around
         rotation, translation = here[0]
-        if found.shares[0] > SURE_SHARE:
+        if found.shares[0] > SURE_SHARE or (len(poses) == 1 and found.shares[0] > PLAIN_SHARE):
             break
     return poses
 

@@ -36,7 +36,7 @@ SHARPNESS = (0.15, 0.08, 0.04, 0.02, 0.01)
 BLUNT = 0.08
 """Width from which on the mask was not drawn exactly and this stage has nothing to add."""
 
-STEPS = 5
+STEPS = 4
 """Newton steps per width."""
 
 STRETCH = 12.0
@@ -44,6 +44,9 @@ STRETCH = 12.0
 
 JOINED = (1, 2, 4, 8)
 """How many of the shortest stretches may hang together; the number that leaves the most doubt is taken."""
+
+CERTAIN = 0.6
+"""Least scatter in units of scoring's variance, which takes pixels for independent: exact ones tell more."""
 
 LEAST_STRETCHES = 18
 """Stretches below which their scatter says nothing."""
@@ -225,14 +228,14 @@ def _covariance(sides: Sides, step: FloatArray, width: float) -> FloatArray:
     gradients, information = _gradients(sides, step, width)
     inverse = stable_inverse(information)
     root = np.linalg.cholesky(inverse)
-    best, most = inverse, 6.0
+    best, most = inverse, 0.0
     for joined in JOINED:
         stretches = per_stretch(sides.block // joined, gradients) @ root
         count = np.count_nonzero(np.any(stretches != 0, axis=1))
         if count < LEAST_STRETCHES:
             break
         values, vectors = np.linalg.eigh(count / (count - 6.0) * stretches.T @ stretches)
-        doubts = np.maximum(values, 1.0)  # in units of scoring's own variance, along each direction
+        doubts = np.maximum(values, CERTAIN)  # in units of scoring's own variance, along each direction
         if doubts.sum() > most:
             best, most = (root @ vectors * doubts) @ (root @ vectors).T, float(doubts.sum())
     return best + _bent(sides, step, width, inverse)

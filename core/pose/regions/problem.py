@@ -64,14 +64,15 @@ class Problem:
     """Regions of one photo relative to `origin` (3,) in the world, so that large coordinates cost no digits.
 
     `outlines` holds every pair of regions (unpaired: one pair over all), `moments` the equations of those
-    that are whole. `sketches` are pairs of single regions with coarse boundaries, for starts, in groups to be
-    tried one after the other; unpaired regions are paired in every way.
+    that are whole, `coarse` the same with few edges. `sketches` are coarse pairs of single regions, for
+    starts, in groups to be tried one after the other; unpaired regions are paired in every way.
     """
 
     camera: Camera
     origin: FloatArray
     outlines: tuple[OutlinePair, ...]
     moments: tuple[MomentPair, ...]
+    coarse: tuple[MomentPair, ...]
     sketches: tuple[tuple[MomentPair, ...], ...]
 
     @property
@@ -111,13 +112,14 @@ def make_problem(
         outlines = [_outline_pair(camera, edges, image_regions, surfaces)]
     whole = _usable_for_moments(outlines, image_regions)
     moments = tuple(_moment_pair(camera, pair) for pair in whole)
+    coarse = tuple(_sketch(*both) for both in zip(moments, whole, strict=True))
     if paired:
-        drawn = sorted(zip(moments, whole, strict=True), key=lambda both: -loop_area(both[1].outlines))
-        singles = [_sketch(*both) for both in drawn]
+        drawn = sorted(zip(coarse, whole, strict=True), key=lambda both: -loop_area(both[1].outlines))
+        singles = [pair for pair, _ in drawn]
         groups = (tuple(singles[:1]), tuple(singles[1:])) if len(singles) > 1 else (tuple(singles),)
     else:
         groups = (_every_way(camera, edges, image_regions, surfaces),)
-    return Problem(camera, origin, tuple(outlines), moments, groups)
+    return Problem(camera, origin, tuple(outlines), moments, coarse, groups)
 
 
 def _every_way(

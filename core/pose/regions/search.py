@@ -37,12 +37,12 @@ def moment_candidates(
         shifted = initial.rotation @ problem.origin + initial.translation
         found.append(Candidates(np.asarray(initial.rotation)[None], shifted[None], np.zeros(1)))
     several = joined(found)
-    costs = moment_costs(problem.moments, several.rotations, several.translations)
+    costs = moment_costs(problem.coarse, several.rotations, several.translations)
     several = distinct(Candidates(several.rotations, several.translations, costs))[:MOST]
     if len(several) == 0:
         raise PoseNotFound(
             "No camera position sees all regions at once: check that each has its right partner."
         )
-    fitted = distinct(refine_by_moments(problem.moments, several, 5))
+    fitted = distinct(refine_by_moments(problem.coarse, several, 5))
     fitted = fitted[np.flatnonzero(fitted.costs < HOPELESS * fitted.costs[0])][:MOST_FITTED]
     return distinct(refine_by_moments(problem.moments, fitted, 20))
