@@ -55,7 +55,8 @@ def summing(index: IndexArray, count: int) -> csr_matrix:
 
 def sum_groups(groups: csr_matrix, values: FloatArray) -> FloatArray:
     """Sums (count, ...) of values (M, ...) by the matrix of `summing`."""
-    flat = groups @ values.reshape(len(values), -1)
+    width = int(np.prod(values.shape[1:]))
+    flat = groups @ values.reshape(len(values), width)
     out: FloatArray = flat.reshape(groups.shape[0], *values.shape[1:])
     return out
 
@@ -75,10 +76,12 @@ def solve_system(tracks: Tracks, system: System, damping: float) -> tuple[FloatA
 def reduce_system(tracks: Tracks, system: System, damping: float) -> Reduced:
     """Eliminate the points (Schur complement)."""
     inverse = np.linalg.inv(_damped(system.point, damping) + 1e-9 * np.eye(3))
+    outer, gradient = _outer_system(system, damping)
+    if not tracks.count:
+        return Reduced(outer, gradient, inverse, csr_matrix((len(outer), 0)))
     carried = system.mixed @ inverse[tracks.track]
     mixed = _coupling(system.mixed, tracks, system)
     matrix = -(_coupling(carried, tracks, system) @ mixed.T).toarray()
-    outer, gradient = _outer_system(system, damping)
     eliminated = np.einsum("tab,tb->ta", inverse, system.point_gradient).ravel()
     return Reduced(matrix + outer, gradient - mixed @ eliminated, inverse, mixed)
 

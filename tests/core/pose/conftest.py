@@ -31,8 +31,8 @@ class ReliefWall:
                 value += np.sin(frequency * points @ direction + phase) / (octave + 1.5)
         return np.clip(0.6 + 0.09 * value, 0.2, 1.0)
 
-    def photo(self, camera, rotation, centre, texture=1.0, light=(0.4, -0.7, 0.6), noise=1.5):
-        """Photo (H,W,3) bytes: Lambert shading, `texture` 0 leaves plain stone."""
+    def photo(self, camera, rotation, centre, texture=1.0, light=(0.4, -0.7, 0.6), noise=1.5, fill=0.0):
+        """Photo (H,W,3) bytes: Lambert shading, `texture` 0: plain stone, `fill`: light from around."""
         caster = RayCaster(self.vertices, self.faces)
         rows, columns = np.mgrid[0 : camera.height, 0 : camera.width]
         total = np.zeros(rows.size)
@@ -48,7 +48,8 @@ class ReliefWall:
             points = centre + directions[struck] * hits.distance[struck, None]
             towards_sun = np.array(light) / np.linalg.norm(light)
             sunny = caster.first_hit(points + 0.002 * normal, np.tile(towards_sun, (len(points), 1))).face < 0
-            shade = 0.45 + 0.55 * np.clip(normal @ towards_sun, 0, None) * sunny
+            around = 1 + fill * (normal @ [0.35, -0.2, 0.8])
+            shade = 0.45 * around + 0.55 * np.clip(normal @ towards_sun, 0, None) * sunny
             # blocks are of a lighter stone than the wall
             stone = 0.5 + 0.4 * (self.offset[1] - points[:, 1] > 0.05)
             paint = stone * (1 + texture * (self.albedo(points - self.offset) / 0.6 - 1))
