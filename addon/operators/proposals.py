@@ -9,7 +9,7 @@ from ...core.arrays import BoolArray
 from ...core.jobs import Job, Progress, part
 from ...core.regions.outline import polygon_mask
 from ...core.regions.photo_proposals import propose_image_regions_job
-from ...core.regions.surface_proposals import SurfaceProposal, propose_facets_job, propose_openings
+from ...core.regions.surface_proposals import SurfaceProposal, propose_facets_job, propose_openings_job
 from ...core.regions.wand import Level, PhotoWand
 from ..bridge import meshes
 from ..bridge import proposals as bridge
@@ -76,8 +76,9 @@ def surface_job(
 ) -> Job[list[SurfaceProposal]]:
     """Facets that are not marked already (`taken`, (F,)), and openings, of a scan."""
     facets = yield from part(propose_facets_job(scan.index, scan.vertices, scan.faces, count), 0.0, 0.8)
-    yield Progress(0.8, "Looking for openings")
-    openings = propose_openings(scan.vertices, scan.faces, least_area)
+    openings = yield from part(
+        propose_openings_job(scan.index, scan.vertices, scan.faces, least_area), 0.8, 1.0
+    )
     new = [facet for facet in facets if np.mean(taken[facet.faces]) < _TAKEN]
     return [*new, *openings]
 

@@ -73,7 +73,7 @@ def fit_plane(points: FloatArray, share: float = 0.6, starts: int = _STARTS, see
     same plane.
     """
     rng = np.random.default_rng(seed)
-    count = max(4, int(share * len(points)))
+    count = min(max(4, int(share * len(points))), len(points))
     origin = points.mean(axis=0)
     local = points - origin
     best = _concentrated(local, np.arange(len(local)), count)

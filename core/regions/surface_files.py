@@ -1,7 +1,7 @@
 """Regions of the scan that last: by face numbers while the scan is the same, by geometry when it is not.
 
-A scan that was cleaned, decimated, cropped or imported anew has other face numbers. Every region therefore keeps
-the places and normals of its faces, and of a strip of faces around it that do not belong to it.
+A scan that was cleaned, decimated, cropped or imported anew has other face numbers. Every region therefore
+keeps the places and normals of its faces, and of a strip of faces around it that do not belong to it.
 """
 
 from __future__ import annotations

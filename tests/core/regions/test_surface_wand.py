@@ -154,3 +154,50 @@ def test_a_quadric_is_chosen_only_where_the_points_bend():
     fit = fit_smooth(bent)
     assert fit.curved and np.abs(fit.distance(bent)).max() < 0.01
     assert fit_quadric(bent, fit_plane(bent)).sigma < 0.003
+
+
+def test_loose_triangles_are_joined_where_their_corners_coincide():
+    vertices, faces, panel = wall()
+    loose = vertices[faces].reshape(-1, 3)  # as STL stores them
+    found = clicked(loose, np.arange(len(loose)).reshape(-1, 3), 2.0, 1.5)
+    assert overlap(found, panel) > 0.93
+
+
+def test_faces_without_area_do_not_tear_the_surface():
+    vertices, faces, panel = wall()
+    strip = np.flatnonzero(panel)[::7]
+    faces = faces.copy()
+    flat = vertices.copy()
+    flat[faces[strip, 2]] = 0.5 * (flat[faces[strip, 0]] + flat[faces[strip, 1]])
+    assert overlap(clicked(flat, faces, 2.0, 1.5), panel) > 0.9
+
+
+def test_vertices_without_faces_may_be_no_numbers():
+    vertices, faces, panel = wall()
+    found = clicked(np.concatenate([vertices, np.full((3, 3), np.nan)]), faces, 2.0, 1.5)
+    assert overlap(found, panel) > 0.93
+
+
+def test_a_flush_panel_ends_at_its_shallow_step():
+    vertices, faces = grid(4, 3, 0.02)
+    x, y = vertices[:, 0], vertices[:, 1]
+    panel = (np.abs(x - 2) < 0.7) & (np.abs(y - 1.5) < 0.5)
+    vertices[:, 2] += 0.015 * panel
+    vertices += np.random.default_rng(3).normal(0, 0.001, vertices.shape)
+    assert overlap(clicked(vertices, faces, 2.0, 1.5), panel[faces].all(axis=1)) > 0.9
+
+
+def test_a_recessed_window_is_no_ornament_of_its_wall():
+    vertices, faces = grid(4, 3, 0.025)
+    x, y = vertices[:, 0], vertices[:, 1]
+    window = (np.abs(x - 1) < 0.4) & (np.abs(y - 1.5) < 0.6)
+    vertices[:, 2] -= 0.15 * window
+    vertices += np.random.default_rng(3).normal(0, 0.001, vertices.shape)
+    found = clicked(vertices, faces, 2.8, 1.5)
+    assert not np.isin(face_at(vertices, faces, 1.0, 1.5), found)
+
+
+def test_three_faces_are_a_region():
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [-1, 0.5, 0]], dtype=float)
+    index = index_surface(vertices, [[0, 1, 2], [0, 2, 3], [0, 3, 4]])
+    assert list(region_faces(index, 0, grow_surface(index, 0).level())) == [0, 1, 2]
