@@ -1,8 +1,8 @@
-"""Benchmark of pose refinement: `python tests/benchmarks/refine.py [TABLE ...] [--quick] [--write] [--data FOLDER]`.
+"""Benchmark of pose refinement: `python tests/benchmarks/refine.py [TABLE ...] [--quick] [--write]`.
 
-Disturbs known poses and measures what each kind of refinement gives back: `points` against OpenCV's refinement
-with the true points as the bound, `edges` on rendered scenes, `real` on a folder like fountain-P11 (all
-tables when none is named). `--write` puts them into docs/benchmarks.md.
+Disturbs known poses and measures what each kind of refinement gives back: `points` against OpenCV's
+refinement with the true points as the bound, `edges` on rendered scenes, `real` on a folder like
+fountain-P11 (all tables when none is named). `--write` puts them into docs/benchmarks.md.
 """
 
 import argparse
@@ -112,22 +112,20 @@ def edges_table(options):
         worse = moved & (centre > metres)
         best = np.median(bound, axis=0)
         lines.append(
-            f"| {degrees}°, {100 * metres:.0f} cm | {np.mean(back):.0%} | {np.mean(~moved):.0%} | {worse.sum()} of "
-            f"{len(results)} | {np.median(angle[moved]):.3f}°, {1000 * np.median(centre[moved]):.1f} mm | "
-            f"{np.median(nees[moved]):.1f} | {best[0]:.3f}°, {1000 * best[1]:.1f} mm | {seconds:.1f} |"
+            f"| {degrees}°, {100 * metres:.0f} cm | {np.mean(back):.0%} | {np.mean(~moved):.0%} "
+            f"| {worse.sum()} of {len(results)} | {np.median(angle[moved]):.3f}°, "
+            f"{1000 * np.median(centre[moved]):.1f} mm | {np.median(nees[moved]):.1f} "
+            f"| {best[0]:.3f}°, {1000 * best[1]:.1f} mm | {seconds:.1f} |"
         )
-    return "\n".join(
-        [
-            f"Edge refinement of disturbed poses on rendered scenes ({', '.join(scenes)}; 1080 x 810 pixels, 5 to 7 m "
-            "away), scan without colour, the start without covariance; “back” is within 0.15° and 15 mm, “worse” is "
-            "farther away than the start and not said so. The bound is `cv2.solvePnPRefineLM` from the same start "
-            "with 40 true points and 0.5 px noise:\n",
-            "| disturbed by | back | kept, said so | worse | moved ones, median | normalised error² (median) | bound "
-            "| CPU s |",
-            "|---|---|---|---|---|---|---|---|",
-            *lines,
-        ]
+    head = (
+        f"Edge refinement of disturbed poses on rendered scenes ({', '.join(scenes)}; 1080 x 810 pixels, 5 "
+        "to 7 m away), scan without colour, the start without covariance; “back” is within 0.15° and 15 mm, "
+        "“worse” is farther away than the start and not said so. The bound is `cv2.solvePnPRefineLM` from "
+        "the same start with 40 true points and 0.5 px noise:\n\n"
+        "| disturbed by | back | kept, said so | worse | moved ones, median | normalised error² (median) "
+        "| bound | CPU s |\n|---|---|---|---|---|---|---|---|\n"
     )
+    return head + "\n".join(lines)
 
 
 def opencv_errors(start, view, scene, rng):
@@ -181,10 +179,10 @@ def real_table(options):
     tied = np.array([errors(p, v) for p, v in zip(joint, views, strict=True)])
     shape = np.array(shape_errors(joint, views))
     lines = [
-        f"{folder.name} from poses disturbed like region poses (0.16°, 20 mm; {len(starts)} draws by edges, one "
-        f"together), scan without colour; {seconds[0]:.1f} CPU s per photo by edges ({kept} of {edges[..., 0].size} "
-        f"starts kept, and said so), {seconds[1]:.0f} CPU s for all together. “Shape” is what is left of the joint "
-        "solution after the best similarity onto the published centres:\n",
+        f"{folder.name} from poses disturbed like region poses (0.16°, 20 mm; {len(starts)} draws by edges, "
+        f"one together), scan without colour; {seconds[0]:.1f} CPU s per photo by edges ({kept} of "
+        f"{edges[..., 0].size} starts kept, and said so), {seconds[1]:.0f} CPU s for all together. “Shape” "
+        "is what is left of the joint solution after the best similarity onto the published centres:\n",
         "| photo | edges alone | all photos together | shape |",
         "|---|---|---|---|",
     ]
@@ -204,7 +202,7 @@ def real_table(options):
 
 
 def shape_errors(poses, views):
-    """Errors (degrees, m) of poses after scale, rotation and shift onto the true centres have been taken out."""
+    """Errors (degrees, m) of poses after the best similarity onto the true centres."""
     centres, true = np.array([p.centre for p in poses]), np.array([v.centre for v in views])
     scale, turn, shift = umeyama(centres, true)
     moved = scale * centres @ turn.T + shift
