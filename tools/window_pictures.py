@@ -1,14 +1,61 @@
-"""Take the pictures of docs/window.md in a real Blender window, from the finished sample.
+"""Take the pictures of docs/window.md in a real Blender window, as JPEG in the folder OUT.
 
 The runner of the window tests drives it, after `make demo`:
-    RUNNER --zip EXTENSION --out FOLDER --bind DEMO tools/window_pictures.py -- DEMO/chapel.blend
+    RUNNER --zip EXTENSION --out OUT --bind DEMO tools/window_pictures.py -- DEMO/chapel.blend sample
+Either word may be `-`: without the first the finished sample is left out, without the second the sequence
+from an unposed photo to a pose.
 """
+
+import sys
+from pathlib import Path
 
 import bpy
 
+sys.path.append(str(Path(__file__).resolve().parents[1] / "tests" / "gui"))
+import driving as d
+
+WIDTH = 1100  # pixels of a picture
+LENS = {
+    "focal": (1000, 1000),
+    "principal": (755.8, 495.4),
+    "radial": (-0.118, 0.082, -0.017),
+    "tangential": (0.0006, -0.0004),
+}
+PHOTO = "01_overview.jpg"
+ANNUNCIATION = (1138, 467)  # pixels of the photo that are clicked
+TABLET = [(288, 524), (288, 662), (151, 691), (150, 525)]
+SAINT = [(432, 283), (397, 301), (369, 345), (365, 414), (366, 655), (520, 662), (520, 359), (511, 328),
+         (496, 305), (472, 287)]  # fmt: skip
+ON_SCAN = {"annunciation": (3.49, 0.005, 1.72), "tablet": (0.035, -0.57, 1.16), "saint": (0.62, 0.01, 1.84)}
+
+
+def picture(ui, name, areas=()):
+    """Photograph the window, or some of its areas, and keep it small enough for a page."""
+    import cv2
+
+    path = Path(ui.shot(name))
+    image = cv2.imread(str(path))
+    path.unlink()
+    if areas:
+        height = image.shape[0]
+        left, right = min(a.x for a in areas), max(a.x + a.width for a in areas)
+        low, high = min(a.y for a in areas), max(a.y + a.height for a in areas)
+        image = image[height - high : height - low, left:right]
+    size = WIDTH, round(image.shape[0] * WIDTH / image.shape[1])
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    cv2.imwrite(str(path.with_suffix(".jpg")), small, [cv2.IMWRITE_JPEG_QUALITY, 85])
+
 
 def steps(ui):
-    bpy.ops.wm.open_mainfile(filepath=ui.args[0], load_ui=False)
+    finished, sample = ui.args
+    if sample != "-":
+        yield from from_photo_to_pose(ui, Path(sample).resolve())
+    if finished != "-":
+        yield from finished_sample(ui, finished)
+
+
+def finished_sample(ui, path):
+    bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
     yield 2.0
     yield from ui.sidebar("Fresco")
     area = ui.area()
@@ -24,7 +71,7 @@ def steps(ui):
         bpy.ops.fresco.show_texture()
     yield from ui.move(area.x + 200, area.y + 200)
     yield 1.5
-    ui.shot("overview")
+    picture(ui, "window-overview")
     yield from look_through(ui, fresco, area)
     yield from region(ui, fresco, area)
 
@@ -34,13 +81,17 @@ def look_through(ui, fresco, area):
     with ui.override():
         bpy.ops.fresco.look_through(index=2)
         bpy.ops.view3d.view_center_camera()
-    background = fresco.active_photo.camera.data.background_images[0]
+    lay_photo_over_scan(fresco.active_photo, area)
+    yield 1.5
+    picture(ui, "window-photo")
+
+
+def lay_photo_over_scan(photo, area):
+    background = photo.camera.data.background_images[0]
     background.display_depth = "FRONT"
     background.alpha = 0.6
     area.spaces.active.shading.color_type = "OBJECT"
     area.spaces.active.shading.light = "STUDIO"
-    yield 1.5
-    ui.shot("photo over the scan")
 
 
 def region(ui, fresco, area):
@@ -50,4 +101,116 @@ def region(ui, fresco, area):
         fresco.region_index = 2
         bpy.ops.fresco.select_region()
     yield 1.5
-    ui.shot("region")
+    picture(ui, "window-region")
+
+
+def from_photo_to_pose(ui, sample):
+    """Mark three regions in an unposed photo and on the scan by clicks, and solve."""
+    photo, scan = yield from workspace(ui, sample)
+    areas = photo, scan
+    picture(ui, "clicks-1", areas)
+
+    yield from d.use_tool(ui, photo, "fresco.tool_photo_wand")
+    (place,) = d.in_photo(ui, photo, [ANNUNCIATION], (1000, 1500))
+    yield from d.hold(ui, [place, (place[0] + 1, place[1])])
+    yield 4.0  # until the photo is read and the wand has answered
+    picture(ui, "clicks-2", areas)
+    yield from d.release(ui)
+    yield from name_region(ui, 1, "annunciation")
+    yield from mark_on_scan(ui, scan, "annunciation")
+    picture(ui, "clicks-3", areas)
+
+    yield from corners(ui, photo, TABLET)
+    picture(ui, "clicks-4", areas)
+    yield from ui.key("RET")
+    yield from name_region(ui, 2, "tablet")
+    yield from mark_on_scan(ui, scan, "tablet")
+    yield from corners(ui, photo, SAINT)
+    yield from ui.key("RET")
+    yield from name_region(ui, 3, "saint")
+    yield from mark_on_scan(ui, scan, "saint")
+    picture(ui, "clicks-5", areas)
+    yield from advice(ui, photo)
+    picture(ui, "clicks-6", areas)
+    yield from solve(ui, scan)
+    picture(ui, "clicks-7", areas)
+    yield from through_the_camera(ui, scan)
+    picture(ui, "clicks-8", areas)
+
+
+def workspace(ui, sample):
+    """Photo left, scan right, nothing else."""
+    bpy.ops.object.select_all(action="SELECT")
+    bpy.ops.object.delete()
+    bpy.ops.fresco.import_scan(filepath=str(sample / "scan.ply"))
+    bpy.ops.fresco.import_photos(directory=str(sample / "photos"), files=[{"name": PHOTO}])
+    bpy.ops.fresco.set_calibration(source="PIXELS", all_alike=True, **LENS)
+    yield 1.0
+    while d.fresco().regions:
+        bpy.ops.fresco.remove_region()
+    bpy.context.scene.fresco.scan.select_set(False)
+    for kind in ("OUTLINER", "PROPERTIES", "DOPESHEET_EDITOR"):
+        area = next(a for a in ui.window.screen.areas if a.type == kind)
+        with bpy.context.temp_override(window=ui.window, area=area):
+            bpy.ops.screen.area_close()
+        yield 0.4
+    photo, scan = yield from d.split(ui, factor=0.55)
+    d.look(scan, (3.6, -7.5, 2.8), (2.2, 0.0, 1.6))
+    scan.spaces.active.overlay.show_floor = scan.spaces.active.overlay.show_axis_x = False
+    scan.spaces.active.overlay.show_axis_y = scan.spaces.active.overlay.show_cursor = False
+    scan.spaces.active.shading.show_cavity = True
+    bpy.ops.ed.undo_push(message="ready")
+    yield 1.0
+    return photo, scan
+
+
+def name_region(ui, count, name):
+    yield from ui.wait(lambda: len(d.fresco().regions) == count, 60, name)
+    d.fresco().active_region.name = name
+    yield 0.3
+
+
+def corners(ui, area, pixels):
+    """Click the corners of a polygon."""
+    yield from d.use_tool(ui, area, "fresco.tool_photo_polygon")
+    for place in d.in_photo(ui, area, pixels, (1000, 1500)):
+        yield from ui.click(*place)
+
+
+def mark_on_scan(ui, area, name):
+    yield from d.use_tool(ui, area, "fresco.tool_scan_wand")
+    yield from ui.click(*d.on_scan(ui, area, ON_SCAN[name]))
+    yield from ui.wait(lambda: d.fresco().active_region.face_count > 0, 120, f"{name} on the scan")
+    yield 0.5
+
+
+def advice(ui, area):
+    """Open the sidebar and wait for what it says of the marks."""
+    told = bpy.context.window_manager.fresco_advice
+    yield from ui.sidebar("Fresco", area)
+    yield from ui.wait(lambda: not told.working and "uncertain" in told.pose, 120, "the advice")
+    ui.log(told.pose)
+    yield 0.8
+
+
+def solve(ui, area):
+    """Press the button that solves the photo."""
+    yield from ui.sidebar("Fresco", area)
+    x, y = yield from ui.find("fresco.solve_poses", area)
+    yield from ui.click(x, y)
+    yield from d.finished(ui, 120)
+    photo = d.fresco().active_photo
+    ui.log(photo.state, photo.overlap, photo.centre_sigma, photo.rotation_sigma)
+    assert photo.state == "SOLVED", photo.message
+    yield from ui.move(area.x + 0.3 * area.width, area.y + 60)
+    yield 0.8
+
+
+def through_the_camera(ui, area):
+    """Look at the scan through the solved camera, with the photo laid over it."""
+    area.spaces.active.show_region_ui = False
+    with ui.override(area):
+        bpy.ops.fresco.look_through(index=0)
+        bpy.ops.view3d.view_center_camera()
+    lay_photo_over_scan(d.fresco().active_photo, area)
+    yield 1.5

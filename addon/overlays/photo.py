@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import bpy
+import cv2
 import numpy as np
 
 from ...core.arrays import FloatArray
@@ -14,11 +15,12 @@ from ...core.errors import FrescoError
 from ...core.regions.outline import mask_polygons
 from ...core.regions.transfer import project_region
 from ..bridge import photos as bridge
-from ..bridge.images import mask_source
+from ..bridge.images import MaskSource, mask_source
 from ..bridge.proposals import read_outlines
 from ..bridge.regions import region_of
 from ..properties import FrescoMark, FrescoPhoto, FrescoRegion
 from ..tools.targets import shown_photo, to_region
+from .kept import Kept
 from .lines import WIDTH, Labels, draw_dashes, draw_loops, draw_segments, hatching
 from .scan import SHAPES
 
@@ -36,38 +38,36 @@ class MaskOutline:
     hatching: FloatArray
 
 
-class Outlines:
+class Outlines(Kept[MaskOutline]):
     """Outlines of mask images, found once per mask: every stroke makes a new mask image."""
 
-    def __init__(self) -> None:
-        self._known: dict[tuple[str, int], MaskOutline] = {}
+    def of_image(self, image: bpy.types.Image) -> MaskOutline:
+        """Outline of a mask; empty where its file is gone, or while a large one is looked at."""
+        stored = image.packed_file.size if image.packed_file is not None else _LARGE + 1
 
-    def of(self, image: bpy.types.Image) -> MaskOutline:
-        """Outline of a mask; empty where its file is gone."""
-        key = (image.name_full, image.session_uid)
-        if key not in self._known:
-            if len(self._known) >= _LIMIT:
-                self._known.pop(next(iter(self._known)))
-            self._known[key] = _outline(image)
-        return self._known[key]
+        def gather() -> Callable[[], MaskOutline]:
+            source = mask_source(image)
+            return lambda: _outline(source)
 
-    def clear(self) -> None:
-        """Forget all: another file was opened."""
-        self._known.clear()
+        found = self.of(f"{image.name_full} {image.session_uid}", image.session_uid, stored > _LARGE, gather)
+        return _NOTHING if found is None else found
 
 
-def _outline(image: bpy.types.Image) -> MaskOutline:
+def _outline(source: MaskSource) -> MaskOutline:
     try:
-        mask = mask_source(image).read()
+        mask = source.read()
     except FrescoError:  # the panel of step 4 says which file is missing
-        return MaskOutline((), (1, 1), np.zeros((0, 2, 2)))
-    loops = mask_polygons(mask)
-    size = float(np.ptp(np.concatenate(loops), axis=0).max()) if loops else 1.0
-    lines = hatching(loops, max(size / 30, 2.0)) if loops else np.zeros((0, 2, 2))
+        return _NOTHING
+    u, v, columns, rows = cv2.boundingRect(mask.view(np.uint8))
+    found = mask_polygons(mask[v : v + rows, u : u + columns]) if columns else []
+    loops = [loop + np.array([u, v]) for loop in found]
+    lines = hatching(loops, max(columns / 30, rows / 30, 2.0)) if loops else _NOTHING.hatching
     return MaskOutline(loops, mask.shape[::-1], lines)
 
 
-OUTLINES = Outlines()
+_NOTHING = MaskOutline((), (1, 1), np.zeros((0, 2, 2)))
+_LARGE = 20_000  # bytes of a packed mask from which its outline is found beside the window
+OUTLINES = Outlines(_LIMIT)
 
 
 def draw() -> None:
@@ -100,12 +100,12 @@ def region_errors(photo: FrescoPhoto) -> dict[str, float]:
 def _draw_mark(
     context: bpy.types.Context, mark: FrescoMark, region: FrescoRegion, labels: Labels, error: float | None
 ) -> None:
-    outline = OUTLINES.of(mark.image)
+    outline = OUTLINES.of_image(mark.image)
     loops = [to_region(context, loop, outline.size) for loop in outline.loops]
     chosen = region == context.scene.fresco.active_region
     draw_loops(loops, region.color, width=WIDTH + (1.5 if chosen else 0.0))
     if mark.hidden is not None:
-        hidden = OUTLINES.of(mark.hidden)
+        hidden = OUTLINES.of_image(mark.hidden)
         lines = to_region(context, hidden.hatching.reshape(-1, 2), hidden.size).reshape(-1, 2, 2)
         draw_segments(lines, region.color)
     if loops:

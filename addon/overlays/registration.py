@@ -36,6 +36,17 @@ def _scene_changed(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> No
         scan.SHAPES.clear()
 
 
+def show_news() -> float:
+    """Draw again when a thread has finished something that is to be drawn."""
+    if photo.OUTLINES.news or scan.SHAPES.news:
+        for window in bpy.context.window_manager.windows:
+            for area in window.screen.areas:
+                if area.type in {"VIEW_3D", "IMAGE_EDITOR"}:
+                    area.tag_redraw()
+    return _NEWS_PERIOD
+
+
+_NEWS_PERIOD = 0.2  # s
 _HANDLERS = (
     (bpy.app.handlers.load_post, _file_opened),
     (bpy.app.handlers.depsgraph_update_post, _scene_changed),
@@ -59,10 +70,13 @@ def attach() -> None:
         _handles.append((space, space.draw_handler_add(callback, (), "WINDOW", stage)))
     for handlers, handler in _HANDLERS:
         handlers.append(handler)
+    bpy.app.timers.register(show_news, first_interval=_NEWS_PERIOD, persistent=True)
 
 
 def detach() -> None:
     """Stop drawing."""
+    if bpy.app.timers.is_registered(show_news):
+        bpy.app.timers.unregister(show_news)
     while _handles:
         space, handle = _handles.pop()
         space.draw_handler_remove(handle, "WINDOW")

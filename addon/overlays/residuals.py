@@ -20,6 +20,7 @@ from ..tools.targets import shown_photo, to_region
 
 BEFORE, AFTER, RESIDUAL = (1.0, 0.45, 0.05), (0.1, 0.85, 1.0), (1.0, 0.9, 0.1)
 WIDTH = 1.5  # pixels
+CELLS = 60  # residuals shown along the longer side of a photo
 
 PoseOf = tuple[FloatArray, FloatArray]
 
@@ -103,9 +104,14 @@ def draw_on_photo() -> None:
 
 def residual_vectors(residuals: EdgeResiduals, scale: float) -> FloatArray:
     """Lines (M,2,2) px from the scan's edges towards the photo's, `scale` times as long as they are."""
-    known = np.isfinite(residuals.offsets[:, 0])
-    start = residuals.pixels[known]
-    return np.stack([start, start + scale * residuals.offsets[known]], axis=1)
+    known = np.flatnonzero(np.isfinite(residuals.offsets[:, 0]))
+    if len(known) == 0:
+        return np.zeros((0, 2, 2))
+    # one in a cell: lines that lie on each other tell nothing
+    cell = np.maximum(residuals.pixels[known].max() / CELLS, 1.0)
+    _, first = np.unique(residuals.pixels[known] // cell, axis=0, return_index=True)
+    start, way = residuals.pixels[known[first]], residuals.offsets[known[first]]
+    return np.stack([start, start + scale * way], axis=1)
 
 
 def draw_in_view() -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Protocol
 
 import bpy
@@ -18,11 +18,13 @@ from ...core.geometry.boundary import boundary_loops
 from ..bridge import meshes
 from ..bridge.regions import opening_in_world
 from ..bridge.world import matrix_to_array
+from .kept import Kept
 from .lines import WIDTH, Labels
 
 _ALPHA, _PROPOSED_ALPHA = 0.4, 0.2
 _NEARER = 4e-6  # of the depth buffer's range (some 30 steps of it) by which overlays lie before the scan
 PROPOSED = (1.0, 1.0, 1.0)
+_LARGE = 100_000  # faces of a scan from which shapes are made beside the window
 
 
 class Marked(Protocol):
@@ -33,78 +35,70 @@ class Marked(Protocol):
     uid: int
 
 
-@dataclass(frozen=True, eq=False)
 class Shape:
-    """What is drawn of a region: faces and outline on the graphics card, outlines (n,3) as numbers.
+    """What is drawn of a region: corners (3n,3) of faces, ends (2m,3) of its border's edges.
 
-    All in the scan object's own frame, m, but the loops, which are in Blender's world.
+    In the scan object's own frame, m; but `loops` (k,3) and `middle` (3,), which are in Blender's world.
     """
 
-    faces: gpu.types.GPUBatch
-    outline: gpu.types.GPUBatch
-    loops: tuple[FloatArray, ...]
-    middle: FloatArray
+    def __init__(self, corners: FloatArray, faces: IndexArray, matrix: FloatArray) -> None:
+        self.corners = corners[faces].reshape(-1, 3).astype(np.float32)
+        loops = [corners[loop] for loop in boundary_loops(faces)]
+        self.edges = np.concatenate([_edges(loop) for loop in loops]) if loops else np.zeros((0, 3))
+        self.loops = tuple(loop @ matrix[:3, :3].T + matrix[:3, 3] for loop in loops)
+        self.middle = self.corners.mean(axis=0, dtype=np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+
+    @cached_property
+    def batches(self) -> tuple[gpu.types.GPUBatch, gpu.types.GPUBatch]:
+        """Faces and edges on the graphics card; threads cannot put them there."""
+        flat, line = (gpu.shader.from_builtin(name) for name in ("UNIFORM_COLOR", "POLYLINE_UNIFORM_COLOR"))
+        return (
+            batch_for_shader(flat, "TRIS", {"pos": self.corners}),
+            batch_for_shader(line, "LINES", {"pos": self.edges.astype(np.float32)}),
+        )
 
 
-class Shapes:
+class Shapes(Kept["Shape | None"]):
     """Shapes of regions and proposals, made anew when their faces or the scan change."""
 
-    def __init__(self) -> None:
-        self._known: dict[str, tuple[object, Shape | None]] = {}
-
-    def of(self, scan: bpy.types.Object, item: Marked) -> Shape | None:
-        """Shape of a region or proposal; None where it is not on the scan."""
+    def of_item(self, scan: bpy.types.Object, item: Marked) -> Shape | None:
+        """Shape of a region or proposal; None where it is not on the scan, or while a large one is made."""
         mesh = scan.data
         place = matrix_to_array(scan.matrix_world).tobytes()
         revision = getattr(item, "revision", 0)
         key = (mesh.session_uid, len(mesh.vertices), len(mesh.polygons), place, revision, item.opening_json)
-        known = self._known.get(item.attribute)
-        if known is None or known[0] != key:
-            known = key, _shape(scan, item)
-            self._known[item.attribute] = known
-        return known[1]
+        large = len(mesh.polygons) > _LARGE and not item.opening_json
+        return self.of(item.attribute, key, large, lambda: _gathered(scan, item))
 
     def loops(self, scene: bpy.types.Scene, item: Marked) -> tuple[FloatArray, ...]:
         """Outlines (n,3) of a region in Blender's world, metres."""
         scan = scene.fresco.scan
         if scan is None or not meshes.is_triangulated(scan.data):
             return ()
-        shape = self.of(scan, item)
+        shape = self.of_item(scan, item)
         return () if shape is None else shape.loops
-
-    def clear(self) -> None:
-        """Forget all: another file was opened, or the scan was edited."""
-        self._known.clear()
 
 
 SHAPES = Shapes()
 
 
-def _shape(scan: bpy.types.Object, item: Marked) -> Shape | None:
+def _gathered(scan: bpy.types.Object, item: Marked) -> Callable[[], Shape | None]:
+    """Take a region's faces out of Blender; -> the function that makes its shape."""
+    matrix = matrix_to_array(scan.matrix_world)
     if item.opening_json:
-        world, faces = opening_in_world(scan, item.opening_json)
+        world, triangles = opening_in_world(scan, item.opening_json)
         corners = meshes.to_object_frame(scan, world)
-    else:
-        inside = meshes.read_face_attribute(scan.data, item.attribute)
-        if inside is None or not inside.any():
-            return None
-        used, faces = np.unique(meshes.read_faces(scan.data)[inside].ravel(), return_inverse=True)
-        corners, faces = meshes.read_positions(scan.data)[used].astype(np.float64), faces.reshape(-1, 3)
-    return _drawn(corners, faces, matrix_to_array(scan.matrix_world))
+        return lambda: Shape(corners, triangles, matrix)
+    inside = meshes.read_face_attribute(scan.data, item.attribute)
+    if inside is None or not inside.any():
+        return lambda: None
+    faces, positions = meshes.read_faces(scan.data), meshes.read_positions(scan.data)
 
+    def make() -> Shape:
+        used, corners = np.unique(faces[inside].ravel(), return_inverse=True)
+        return Shape(positions[used].astype(np.float64), corners.reshape(-1, 3), matrix)
 
-def _drawn(corners: FloatArray, faces: IndexArray, matrix: FloatArray) -> Shape:
-    """Shape of corners (n,3) and faces (m,3) in the object's frame; `matrix` takes that to the world."""
-    triangles = corners[faces].reshape(-1, 3).astype(np.float32)
-    loops = [corners[loop] for loop in boundary_loops(faces)]
-    places = np.concatenate([_edges(loop) for loop in loops]) if loops else np.zeros((0, 3))
-    flat, line = (gpu.shader.from_builtin(name) for name in ("UNIFORM_COLOR", "POLYLINE_UNIFORM_COLOR"))
-    return Shape(
-        batch_for_shader(flat, "TRIS", {"pos": triangles}),
-        batch_for_shader(line, "LINES", {"pos": places.astype(np.float32)}),
-        tuple(loop @ matrix[:3, :3].T + matrix[:3, 3] for loop in loops),
-        triangles.mean(axis=0, dtype=np.float64) @ matrix[:3, :3].T + matrix[:3, 3],
-    )
+    return make
 
 
 def _edges(loop: FloatArray) -> FloatArray:
@@ -149,12 +143,12 @@ def draw() -> None:
         gpu.matrix.multiply_matrix(scan.matrix_world)
         for region in scene.fresco.regions:
             width = WIDTH + (1.5 if region == scene.fresco.active_region else 0.0)
-            _draw_shape(SHAPES.of(scan, region), region.color, _ALPHA, width)
+            _draw_shape(SHAPES.of_item(scan, region), region.color, _ALPHA, width)
         marking = scene.fresco_marking
         for proposal in marking.proposals:
             chosen = proposal == marking.active_proposal
             alpha = _ALPHA if chosen else _PROPOSED_ALPHA
-            _draw_shape(SHAPES.of(scan, proposal), PROPOSED, alpha, WIDTH + (1.5 if chosen else -0.5))
+            _draw_shape(SHAPES.of_item(scan, proposal), PROPOSED, alpha, WIDTH + (1.5 if chosen else -0.5))
     gpu.state.depth_test_set("NONE")
     gpu.state.blend_set("NONE")
 
@@ -165,12 +159,13 @@ def _draw_shape(shape: Shape | None, color: Sequence[float], alpha: float, width
     flat, line = (gpu.shader.from_builtin(name) for name in ("UNIFORM_COLOR", "POLYLINE_UNIFORM_COLOR"))
     flat.bind()
     flat.uniform_float("color", (*color[:3], alpha))
-    shape.faces.draw(flat)
+    faces, edges = shape.batches
+    faces.draw(flat)
     line.bind()
     line.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
     line.uniform_float("lineWidth", width)
     line.uniform_float("color", (*color[:3], 1.0))
-    shape.outline.draw(line)
+    edges.draw(line)
 
 
 def draw_names() -> None:
@@ -181,9 +176,9 @@ def draw_names() -> None:
         return
     labels = Labels()
     for region in context.scene.fresco.regions:
-        _draw_name(SHAPES.of(scan, region), region.name, region.color, labels)
+        _draw_name(SHAPES.of_item(scan, region), region.name, region.color, labels)
     for proposal in context.scene.fresco_marking.proposals:
-        _draw_name(SHAPES.of(scan, proposal), f"{proposal.name}?", PROPOSED, labels)
+        _draw_name(SHAPES.of_item(scan, proposal), f"{proposal.name}?", PROPOSED, labels)
 
 
 def _draw_name(shape: Shape | None, name: str, color: Sequence[float], labels: Labels) -> None:
