@@ -227,10 +227,10 @@ class JobOperator(StepOperator):
 
 
 def redraw_panels(context: bpy.types.Context) -> None:
-    """Draw the sidebars of all 3D views again."""
+    """Draw the sidebars of all 3D views and Image Editors again."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
-            if area.type == "VIEW_3D":
+            if area.type in {"VIEW_3D", "IMAGE_EDITOR"}:
                 for region in area.regions:
                     if region.type == "UI":
                         region.tag_redraw()

@@ -7,6 +7,7 @@ import json
 import bpy
 
 from ...core.errors import FrescoError
+from ..jobs import redraw_panels
 from . import advice, targets
 from .background import Preparation, Signature
 from .prepared import STORE, prepare_photo, prepare_scan
@@ -110,17 +111,7 @@ def _show(manager: bpy.types.WindowManager, told: advice.Advice | None) -> None:
         shown.pose = "" if told is None else told.pose
         qualities = {} if told is None else {name: vars(q) for name, q in told.qualities.items()}
         shown.regions_json = json.dumps(qualities)
-    redraw_sidebars(manager)
-
-
-def redraw_sidebars(manager: bpy.types.WindowManager) -> None:
-    """Draw the sidebars of 3D views and Image Editors again."""
-    for window in manager.windows:
-        for area in window.screen.areas:
-            if area.type in {"VIEW_3D", "IMAGE_EDITOR"}:
-                for region in area.regions:
-                    if region.type == "UI":
-                        region.tag_redraw()
+    redraw_panels(bpy.context)
 
 
 CLASSES = (FrescoAdvice,)
