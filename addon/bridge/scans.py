@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -12,6 +13,7 @@ from ...core.arrays import IntArray
 from ...core.errors import ScanError
 from ...core.scans import Scan
 from . import meshes, regions
+from .colours import read_scan_colours, write_scan_colours
 from .world import collection, find_collection, read_offset, write_offset
 
 COLLECTION = "Scan"
@@ -29,6 +31,7 @@ def show_scan(
     obj = bpy.data.objects.new(
         scan.name or "Scan", meshes.build_mesh(scan.name or "Scan", scan.vertices, scan.faces)
     )
+    write_scan_colours(obj.data, scan.vertex_colors, scan.intensity)
     collection(context.scene, COLLECTION).objects.link(obj)
     write_offset(context.scene, scan.offset)
     fresco.scan = obj
@@ -66,7 +69,9 @@ def read_scan(scene: bpy.types.Scene) -> Scan:
     """Return core's scan from the scene's scan object, in the place and size that it has in the scene."""
     path = Path(scene.fresco.scan_path) if scene.fresco.scan_path else None
     obj = scene.fresco.scan
-    return _as_scan(scene, obj, meshes.read_faces(obj.data), read_face_sets(scene), path)
+    colours, intensity = read_scan_colours(obj.data)
+    plain = _as_scan(scene, obj, meshes.read_faces(obj.data), read_face_sets(scene), path)
+    return replace(plain, vertex_colors=colours, intensity=intensity)
 
 
 def _as_scan(

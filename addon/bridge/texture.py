@@ -15,8 +15,10 @@ from ...core.project import TexturedScan
 from ...core.texture import Selection
 from ..properties import FrescoPhoto
 from . import materials, meshes
+from .colours import carry_over
 from .photos import read_camera, read_view
 from .regions import count_faces
+from .scans import read_scan
 
 PHOTOS_KEY = "fresco_photos"
 """ID property of the mesh: the names of the photos that the maps count, as JSON."""
@@ -51,7 +53,9 @@ def show_layers(scene: bpy.types.Scene, layers: Mapping[str, TexturedScan]) -> N
     layers = {name: layers[name] for name in sorted(layers, key=lambda layer: layer != "")}
     first = next(iter(layers.values()))
     if len(first.faces) != len(scan.data.polygons):
+        before = read_scan(scene)
         refine_mesh(scan, first)
+        carry_over(scan.data, before, first)
     remove_layers(scan.data)
     scan.data.materials.append(materials.unseen_material())
     for layer, textured in layers.items():

@@ -67,6 +67,9 @@ def draw_refinements(layout: bpy.types.UILayout, context: bpy.types.Context, pho
     if photo.is_refined:
         steps = read_solution(context.scene, photo).refinements
         draw_rows(box, [(NAMES[step.method], describe(step)) for step in steps])
+        ties = [step.count for step in steps if step.method == "joint" and step.moved]
+        if ties:
+            draw_rows(box, [("Held by", f"{ties[-1]:,} ties to other photos")])
         for note in [step.note for step in steps if step.note]:
             draw_text(box, context, note, icon="INFO")
         if photo.centre_sigma > 0:
@@ -95,8 +98,7 @@ def describe(step: Refinement) -> str:
     if not step.moved:
         return "kept"
     unit = " px" if step.method == "joint" else ""
-    what = "ties" if step.method == "joint" else "edges"
-    return f"{step.score_before:.2f} → {step.score_after:.2f}{unit} ({step.count:,} {what})"
+    return f"{step.score_before:.2f} → {step.score_after:.2f}{unit}"
 
 
 class FRESCO_PT_refine_settings(FrescoPanel, bpy.types.Panel):

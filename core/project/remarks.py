@@ -6,7 +6,9 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from ..photos.photo import Photo
 from ..regions.surface_region import SurfaceRegion
+from ..scans.scan import Scan
 from .photo_pose import PhotoPose
 from .run import ProjectResult
 
@@ -19,10 +21,23 @@ _NAMED = 3
 
 def remarks(result: ProjectResult) -> list[str]:
     """Sentences on scan, photos, poses and texture, each beginning with what it speaks of."""
-    scans = [(scan.name, sentence) for scan in (result.scan, *result.occluders) for sentence in scan.report]
-    photos = [(photo.name, note) for photo in result.photos for note in photo.notes]
-    poses = [(pose.photo, text) for pose in result.poses for text in _on_pose(pose, result.surfaces)]
-    return [*_together(scans), *_together(photos), *_together(poses), *result.textured.selection.warnings]
+    layers = (result.textured, *result.layers.values())
+    warnings = dict.fromkeys(text for textured in layers for text in textured.selection.warnings)
+    scans = (result.scan, *result.occluders)
+    return [*remarks_on(scans, result.photos, result.poses, result.surfaces), *warnings]
+
+
+def remarks_on(
+    scans: Iterable[Scan],
+    photos: Iterable[Photo],
+    poses: Iterable[PhotoPose],
+    surfaces: Mapping[str, SurfaceRegion],
+) -> list[str]:
+    """Sentences on scans, photos and poses; one that holds for several is told once."""
+    of_scans = [(scan.name, sentence) for scan in scans for sentence in scan.report]
+    of_photos = [(photo.name, note) for photo in photos for note in photo.notes]
+    of_poses = [(pose.photo, text) for pose in poses for text in _on_pose(pose, surfaces)]
+    return [*_together(of_scans), *_together(of_photos), *_together(of_poses)]
 
 
 def _on_pose(pose: PhotoPose, surfaces: Mapping[str, SurfaceRegion]) -> list[str]:

@@ -11,6 +11,7 @@ from html import escape
 import numpy as np
 
 from ..project.photo_pose import Method
+from ..project.remarks import remarks_on
 from .content import PhotoRow, Report
 from .maps import FaceMap
 from .style import STYLE
@@ -100,6 +101,8 @@ def _problems(report: Report, rows: Sequence[PhotoRow]) -> str:
     items = [_problem(row.name, row.status, row.failure) for row in rows if row.failure]
     warnings = report.textured.selection.warnings if report.textured else []
     items += [f"<li>{escape(sentence)}</li>" for sentence in warnings]
+    told = remarks_on([report.scan], report.photos, report.poses, report.surfaces)
+    items += [f"<li>{escape(sentence)}</li>" for sentence in told]
     advice = "no face uses this photo: others see everything better, or it shows another part."
     unused = [row for row in rows if row.faces == 0 and not any(row.name in told for told in warnings)]
     items += [_problem(row.name, "unused", advice) for row in unused]
@@ -238,13 +241,11 @@ def _css(colour: Iterable[int]) -> str:
 
 
 def _method(report: Report) -> str:
-    checks = "".join(f"<li>{escape(sentence)}</li>" for sentence in report.scan.report)
-    checked = f'<p>The check of the scan found:</p><ul class="plain">{checks}</ul>' if checks else ""
     times = ", ".join(f"{escape(name)} {value:.1f} s" for name, value in report.seconds.items())
     timed = f"<p>Time: {times}.</p>" if times else ""
     versions = ", ".join(f"{escape(name)} {escape(value)}" for name, value in report.versions.items())
     return (
-        f"<section><h2>How it was made</h2>{checked}{timed}"
+        f"<section><h2>How it was made</h2>{timed}"
         f'<p class="soft">{versions or "Fresco"}. The photos were not changed: the texture refers to their '
         "original pixels.</p></section>"
     )

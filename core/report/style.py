@@ -49,7 +49,6 @@ figcaption strong { color: var(--ink); }
 .ramp { display: inline-block; width: 9em; height: .8em; border-radius: .15em; margin: 0 .4em; }
 .key { display: inline-block; width: 1.6em; margin: 0 .35em 0 .9em; vertical-align: .25em; }
 .key.drawn { border-top: 4px solid var(--drawn); } .key.projected { border-top: 2px solid var(--projected); }
-ul.plain { padding-left: 1.1rem; margin: .4rem 0; }
 @media (max-width: 30rem) { .gallery { grid-template-columns: 1fr; } body { padding: 1.2rem .8rem 3rem; } }
 @page { size: A4; margin: 14mm; }
 @media print {

@@ -116,3 +116,33 @@ def test_refined_poses_are_kept_in_the_file_and_go_into_the_report(placed, tmp_p
     assert photo.pose_json == before and "covariance" in json.loads(before)
     solution = module("addon.bridge.photos").read_solution(scene, photo)
     assert solution.given and solution.refinements[0].method == "joint" and solution.sure_pose is not None
+
+
+def test_colours_of_the_scan_reach_core_also_after_its_faces_were_split(imported, room, module, tmp_path):
+    from fresco.core.project.textures import TexturedScan
+
+    vertices, faces, _ = room.walls()
+    lines = ["ply", "format ascii 1.0", f"element vertex {len(vertices)}"]
+    lines += [f"property float {axis}" for axis in "xyz"]
+    lines += [f"property uchar {channel}" for channel in ("red", "green", "blue")]
+    lines += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
+    colours = np.rint(100 * vertices).astype(int)
+    lines += [" ".join(map(str, [*xyz, *rgb])) for xyz, rgb in zip(vertices, colours, strict=True)]
+    lines += [f"3 {a} {b} {c}" for a, b, c in faces]
+    (tmp_path / "coloured.ply").write_text("\n".join(lines) + "\n")
+    bpy.ops.fresco.import_scan(filepath=str(tmp_path / "coloured.ply"))
+    scan = module("addon.bridge.scans").read_scan(imported)
+    np.testing.assert_allclose(scan.vertex_colors, 100 * scan.vertices, atol=1)
+    middles = scan.vertices[scan.faces].mean(axis=1)
+    n, k = len(scan.vertices), np.arange(len(scan.faces))
+    a, b, c = scan.faces.T
+    split = np.concatenate([np.stack([x, y, n + k], axis=1) for x, y in ((a, b), (b, c), (c, a))])
+    textured = TexturedScan(
+        np.concatenate([scan.vertices, middles]), split.astype(np.int32), np.tile(k, 3), None, ()
+    )
+    obj = imported.fresco.scan
+    module("addon.bridge.texture").refine_mesh(obj, textured)
+    module("addon.bridge.colours").carry_over(obj.data, scan, textured)
+    again = module("addon.bridge.scans").read_scan(imported)
+    assert len(again.vertices) == n + len(k)
+    np.testing.assert_allclose(again.vertex_colors, 100 * again.vertices, atol=1.5)

@@ -103,13 +103,13 @@ def compare(ui):
         bpy.ops.image.view_all(fit_view=True)
     yield 1.0
     assert area.spaces.active.region_3d.view_perspective == "CAMERA"
-    pictures = []
+    background = fresco().active_photo.camera.data.background_images[0]
+    background.display_depth, background.alpha = "FRONT", 0.7
     for share in (0.0, 1.0):
         fresco().compare.blend = share
         yield from park_mouse(ui)
         yield 1.0
         ui.shot(f"22 edges at {share:.0f}")
-        pictures.append(share)
     module = sys.modules["bl_ext.user_default.fresco.addon.overlays.residuals"]
     found = module.edges_of(fresco().active_photo)
     assert found is not None
@@ -130,6 +130,28 @@ def restore(ui):
     assert fresco().active_photo.pose_json == after, "undo brings the refined pose back"
 
 
+def maps(ui):
+    """Texture, a map with its legend, places for the next photos."""
+    with ui.override():
+        bpy.ops.fresco.texture_scan()
+    view = ui.area().spaces.active
+    view.region_3d.view_perspective = "PERSP"
+    fresco().maps.wanted_texel = 0.004
+    for field in ("texel_size", "view"):
+        with ui.override():
+            assert bpy.ops.fresco.show_map(field=field) == {"FINISHED"}
+        assert view.shading.color_type == "VERTEX"
+        yield from park_mouse(ui)
+        yield 0.5
+        ui.shot(f"23 map {field}")
+    with ui.override():
+        assert bpy.ops.fresco.next_standpoints() == {"FINISHED"}
+    assert [obj for obj in bpy.data.objects if obj.name.startswith("Next 1 (adds")]
+    yield from park_mouse(ui)
+    yield 0.5
+    ui.shot("24 next photos")
+
+
 def steps(ui):
     with ui.override():
         bpy.ops.object.select_all(action="SELECT")
@@ -139,6 +161,6 @@ def steps(ui):
     yield from open_project(ui)
     only_steps("refine")
     yield 0.5
-    for step in (refine_edges, refine_together, compare, restore):
+    for step in (refine_edges, refine_together, compare, restore, maps):
         ui.log(step.__name__)
         yield from step(ui)

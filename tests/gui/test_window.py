@@ -11,6 +11,7 @@ extension; without it, the extension is built from the tree.
 
 import importlib.util
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -73,6 +74,16 @@ def drive(blender, script, out, bound, *arguments):
         command += ["--bind", path]
     command += [HERE / script, "--", *arguments]
     return subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
+
+
+def test_refining_is_stopped_compared_and_undone(blender, tmp_path):
+    """Refine the sample by its buttons, stop by ESC, look at before and after, at maps; pictures are kept."""
+    sample = tmp_path / "sample"
+    shutil.copytree(ROOT / "sample", sample)
+    done = drive(blender, "drive_refine.py", ARTEFACTS / "refine", [sample], sample / "project.toml", HERE)
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-2000:]
+    pictures = {path.name for path in (ARTEFACTS / "refine").glob("*.png")}
+    assert {"22 edges at 0.png", "22 edges at 1.png", "24 next photos.png"} <= pictures
 
 
 def test_five_steps_by_their_buttons(blender, folder, tmp_path):

@@ -1,0 +1,70 @@
+"""Colours that belong to the scan itself, kept on the mesh: refinement and regions use them."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ...core.arrays import AnyArray, ByteArray, Float32Array, FloatArray
+from ...core.project import TexturedScan
+from ...core.scans import Scan
+from .maps import write_vertex_colours
+
+SCAN_COLOURS = "Fresco scan colour"
+INTENSITY = "fresco_intensity"
+
+
+def write_scan_colours(
+    mesh: bpy.types.Mesh, colours: ByteArray | None, intensity: Float32Array | None
+) -> None:
+    """Keep the colours (V,3) sRGB and intensities (V,) that a scan was read with."""
+    if colours is not None:
+        write_vertex_colours(mesh, SCAN_COLOURS, colours)
+    if intensity is not None:
+        attribute = mesh.attributes.new(INTENSITY, "FLOAT", "POINT")
+        attribute.data.foreach_set("value", np.ascontiguousarray(intensity, dtype=np.float32))
+
+
+def read_scan_colours(mesh: bpy.types.Mesh) -> tuple[ByteArray | None, Float32Array | None]:
+    """Return the scan's own colours (V,3) sRGB and intensities (V,), None where it has none."""
+    count = len(mesh.vertices)
+    colours, intensity = mesh.color_attributes.get(SCAN_COLOURS), mesh.attributes.get(INTENSITY)
+    rgb = values = None
+    if colours is not None and colours.domain == "POINT":
+        flat = np.empty(4 * count, dtype=np.float32)
+        colours.data.foreach_get("color_srgb", flat)
+        rgb = np.rint(255 * flat.reshape(-1, 4)[:, :3]).astype(np.uint8)
+    if intensity is not None and intensity.domain == "POINT":
+        values = np.empty(count, dtype=np.float32)
+        intensity.data.foreach_get("value", values)
+    return rgb, values
+
+
+def carry_over(mesh: bpy.types.Mesh, scan: Scan, textured: TexturedScan) -> None:
+    """Give a mesh whose faces were split the colours of the scan before, blended within each face."""
+    shares = _barycentric(textured.vertices[textured.faces], scan.vertices[scan.faces[textured.parent]])
+
+    def blended(values: AnyArray) -> FloatArray:
+        corners = values.reshape(len(values), -1)[scan.faces[textured.parent]].astype(np.float64)
+        out = np.zeros((len(textured.vertices), corners.shape[2]))
+        out[textured.faces.ravel()] = np.einsum("fcb,fbk->fck", shares, corners).reshape(-1, corners.shape[2])
+        return out
+
+    colours, intensity = scan.vertex_colors, scan.intensity
+    write_scan_colours(
+        mesh,
+        None if colours is None else np.rint(blended(colours)).astype(np.uint8),
+        None if intensity is None else blended(intensity)[:, 0].astype(np.float32),
+    )
+
+
+def _barycentric(points: FloatArray, triangles: FloatArray) -> FloatArray:
+    """Barycentric coordinates (F,3,3) of the corners (F,3,3) of faces in triangles (F,3,3) that hold them."""
+    a, b = (triangles[:, None, k] - triangles[:, None, 0] for k in (1, 2))
+    p = points - triangles[:, None, 0]
+    aa, ab, bb = (a * a).sum(-1), (a * b).sum(-1), (b * b).sum(-1)
+    pa, pb = (p * a).sum(-1), (p * b).sum(-1)
+    inverse = 1.0 / np.maximum(aa * bb - ab * ab, 1e-30)
+    v, w = (bb * pa - ab * pb) * inverse, (aa * pb - ab * pa) * inverse
+    shares: FloatArray = np.clip(np.stack([1 - v - w, v, w], axis=-1), 0.0, 1.0)
+    return shares
