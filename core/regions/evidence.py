@@ -25,24 +25,26 @@ _BESIDE = (0.12, 0.2, 0.28, 0.36, 0.44, 0.52)  # where rival edges are looked fo
 _INWARDS = (0.45, 0.7, 0.9)  # places between a side and the middle
 
 _COVERED = 0.02  # gradient of evened lightness that is an edge
+_FAINT = 0.3  # log of squared difference over spread below which two strips look alike
 _SMALL, _LARGE = -9.0, -2.5  # log2 of the share of the photo beyond which regions are rare
 
 WEIGHTS = {
-    "share of the gradient that runs straight across the sides (log)": 8.35,
-    "share of the least covered side that an edge covers": 21.41,
-    "rival edge inwards of the sides": -4.11,
-    "rival edge outwards of the sides": 5.99,
-    "colour differs across the least distinct side": 2.80,
-    "texture differs across the least distinct side": 1.70,
-    "colour differs between sides and middle": -2.61,
-    "texture differs between sides and middle": -4.58,
-    "the click is central (log odds)": 5.40,
-    "opposite sides are not parallel": -4.76,
-    "outline of like colour, not of straight lines": 2.23,
-    "smaller than regions are (log2)": -1.46,
-    "larger than regions are (log2)": -5.23,
+    "share of the gradient that runs straight across the sides (log)": 6.69,
+    "share of the least covered side that an edge covers": 10.95,
+    "rival edge inwards of the sides": -2.32,
+    "rival edge outwards of the sides": 6.30,
+    "colour differs across the least distinct side": 5.51,
+    "texture differs across the least distinct side": 0.91,
+    "colour differs between sides and middle": -2.26,
+    "texture differs between sides and middle": -4.46,
+    "the click is central (log odds)": 2.76,
+    "opposite sides are not parallel": -9.97,
+    "outline is dented (log)": -25.87,
+    "outline of like colour, not of straight lines": 4.61,
+    "smaller than regions are (log2)": -2.09,
+    "larger than regions are (log2)": -4.80,
 }
-"""Weights of the evidence: logistic choice among the outlines around 360 clicks in drawn facades (carved,
+"""Weights of the evidence: logistic choice among the outlines around 200 clicks in drawn facades (carved,
 plain and painted panels, windows, doors, tablets, pediments, arches, discs; in light and shadow)."""
 
 
@@ -62,7 +64,8 @@ class Outlines:
     """Outlines to judge: `points` and outward unit `normals` (N,4,SAMPLES,2), and (N,) pixel measures.
 
     `middle` (N,2) and `spread` (N,2,2) are the filled area's centroid and covariance, `half_width` its area
-    over half the perimeter, `skew` how far opposite sides are from parallel (sum of sines).
+    over half the perimeter, `skew` how far opposite sides are from parallel (sum of sines), `dented` the log
+    of its convex hull's area over its own.
     """
 
     points: FloatArray
@@ -72,6 +75,7 @@ class Outlines:
     area: FloatArray
     half_width: FloatArray
     skew: FloatArray
+    dented: FloatArray
 
 
 def look_of(colours: Float32Array, edges: Gradient) -> Look:
@@ -107,7 +111,9 @@ def outlines_of(polygons: FloatArray) -> Outlines:
     length = np.linalg.norm(vector, axis=-1)
     turned = np.abs(vector[:, :2, 0] * vector[:, 2:, 1] - vector[:, :2, 1] * vector[:, 2:, 0])
     skew = np.where(repeated, 0.0, (turned / np.maximum(length[:, :2] * length[:, 2:], 1e-9)).sum(axis=1))
-    return _outlines(points, np.repeat(vector[:, :, None], SAMPLES, axis=2), polygons, skew)
+    return _outlines(
+        points, np.repeat(vector[:, :, None], SAMPLES, axis=2), polygons, skew, np.zeros(len(skew))
+    )
 
 
 def outline_of_loop(loop: FloatArray) -> Outlines:
@@ -118,10 +124,15 @@ def outline_of_loop(loop: FloatArray) -> Outlines:
     points = np.stack([np.interp(place, run, closed[:, k]) for k in (0, 1)], axis=1)
     vector = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
     shape = (1, 4, SAMPLES, 2)
-    return _outlines(points.reshape(shape), vector.reshape(shape), loop[None], np.zeros(1))
+    hull = cv2.contourArea(cv2.convexHull(loop.astype(np.float32)[:, None]))
+    area = max(cv2.contourArea(loop.astype(np.float32)[:, None]), 1e-9)
+    dented = np.array([np.log(max(hull / area, 1.0))])
+    return _outlines(points.reshape(shape), vector.reshape(shape), loop[None], np.zeros(1), dented)
 
 
-def _outlines(points: FloatArray, along: FloatArray, polygons: FloatArray, skew: FloatArray) -> Outlines:
+def _outlines(
+    points: FloatArray, along: FloatArray, polygons: FloatArray, skew: FloatArray, dented: FloatArray
+) -> Outlines:
     following = np.roll(polygons, -1, axis=1)
     cross = polygons[..., 0] * following[..., 1] - following[..., 0] * polygons[..., 1]
     signed = cross.sum(axis=1) / 2
@@ -132,7 +143,7 @@ def _outlines(points: FloatArray, along: FloatArray, polygons: FloatArray, skew:
     area = np.abs(signed)
     half = 2 * area / np.maximum(perimeter, 1e-9)
     middle, spread = polygon_moments(polygons)
-    return Outlines(points, outward, middle, spread, area, half, skew)
+    return Outlines(points, outward, middle, spread, area, half, skew, dented)
 
 
 def joined_outlines(parts: list[Outlines]) -> Outlines:
@@ -150,6 +161,13 @@ def scores(
     return total
 
 
+def faint(look: Look, outlines: Outlines) -> BoolArray:
+    """Whether outlines (N,) bound nothing: the photo looks alike on both sides of all their sides."""
+    step = _unlike(_strip(look, outlines, -1.0), _strip(look, outlines, 1.0))
+    alike: BoolArray = step.max(axis=(1, 2)) < _FAINT
+    return alike
+
+
 def features(edges: Gradient, look: Look, outlines: Outlines) -> FloatArray:
     """Evidence (N,8) of the photo for N outlines, in the order of `WEIGHTS`."""
     across, total = _along_sides(edges, outlines, np.array([-1.5, 0.0, 1.5]))
@@ -164,11 +182,11 @@ def features(edges: Gradient, look: Look, outlines: Outlines) -> FloatArray:
 
 
 def priors(edges: Gradient, outlines: Outlines, click: FloatArray, straight: BoolArray) -> FloatArray:
-    """What is likely before the photo is looked at (N,5), for a click (2,), in the order of `WEIGHTS`."""
+    """What is likely before the photo is looked at (N,6), for a click (2,), in the order of `WEIGHTS`."""
     share = np.log2(np.maximum(outlines.area, 1.0) / edges.u.size)
     central = centrality(outlines.middle, outlines.spread, click)
     small, large = np.maximum(_SMALL - share, 0), np.maximum(share - _LARGE, 0)
-    return np.column_stack([central, outlines.skew, ~straight, small, large])
+    return np.column_stack([central, outlines.skew, outlines.dented, ~straight, small, large])
 
 
 def _along_sides(edges: Gradient, outlines: Outlines, off: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -168,13 +168,14 @@ def centrality(middle: FloatArray, spread: FloatArray, click: FloatArray) -> Flo
     """Log prior (N,) that a user clicks near the middle of a region: centroids (N,2), covariances (N,2,2).
 
     The distance from the centroid is measured in the region's own standard deviations; 0.15 of one is
-    usual, and beyond three times that it no longer counts against a region.
+    usual, and beyond twice that the odds fall no faster (Huber).
     """
     off = click - middle
     uu, vv, uv = spread[:, 0, 0], spread[:, 1, 1], spread[:, 0, 1]
     determinant = np.maximum(uu * vv - uv * uv, 1e-9)
     distance2 = (vv * off[:, 0] ** 2 - 2 * uv * off[:, 0] * off[:, 1] + uu * off[:, 1] ** 2) / determinant
-    prior: FloatArray = -0.15 * np.minimum(distance2 / 0.15**2, 9.0)
+    apart = np.sqrt(np.maximum(distance2, 0)) / 0.15
+    prior: FloatArray = -0.15 * np.where(apart < 2, apart**2, 4 * apart - 4)
     return prior
 
 

@@ -112,7 +112,7 @@ class PhotoWand:
                 "Nothing here has a closed outline: draw the region with the polygon or lasso tool."
             )
         score = evidence.scores(self.gradient, self.look, outlines, point, straight)
-        score[self._cut_off(outlines)] = -np.inf
+        score[self._cut_off(outlines) | evidence.faint(self.look, outlines)] = -np.inf
         if not np.any(np.isfinite(score)):
             raise RegionError(
                 "What is here goes on outside the photo, as sky or a wall does: click a region that "

@@ -98,6 +98,24 @@ def test_clicks_that_cannot_work_say_so(wand):
         sky.click((150, 100), "frame")
 
 
+def test_sky_and_what_the_frame_cuts_off_are_no_regions():
+    rng = np.random.default_rng(5)
+    image = facade().astype(np.float32)
+    image[:120] = np.linspace(200, 235, 120)[:, None, None] + rng.normal(0, 2, (120, 900, 3))  # sky
+    cv2.rectangle(image, (840, 200), (899, 420), (30, 32, 40), cv2.FILLED)  # a window cut by the frame
+    wand = prepare_wand(np.clip(image, 0, 255).astype(np.uint8))
+    for pixel in ((450, 50), (880, 310)):
+        with pytest.raises(RegionError, match="goes on outside the photo"):
+            wand.click(pixel, "colour")
+
+
+def test_a_region_of_three_pixels_is_not_offered():
+    image = np.full((300, 400, 3), 140, dtype=np.uint8)
+    image[150, 200:203] = 10
+    with pytest.raises(RegionError, match="goes on outside the photo"):
+        prepare_wand(image).click((201, 150))
+
+
 def test_photos_that_are_not_8_bit_are_refused():
     with pytest.raises(RegionError, match="8-bit"):
         prepare_wand(np.zeros((50, 50, 3), dtype=np.float32))
