@@ -301,7 +301,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--count", type=int)
-    parser.add_argument("--only", default="", help="these settings, or those whose name has one of these; separated by |")
+    parser.add_argument("--only", default="", help="settings, or parts of their names, separated by |")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--verbose", action="store_true", help="also print the cases that went wrong")
     parser.add_argument("--keep", type=Path, help="folder of finished rows")

@@ -11,8 +11,10 @@ The stages, in the order of their modules:
   solution looks for the pose at which most of the boundary lies exactly on the outline, first to a
   fraction of a pixel, then, for hand-drawn outlines and jagged scans, within a few. Where it locks,
   robust Gauss-Newton finishes.
+* `pixels`: where masks are exact, the boundary is fitted between pixels inside and outside.
 * `covariance`, `overlap`, `ambiguity`: how sure the pose is, how well it overlaps, and what else fits
   as well.
+* `misfits`: a region that does not fit the others is found and left out.
 * `focal`: the same with an unknown focal length.
 """
 

@@ -10,6 +10,7 @@ import numpy as np
 from ...arrays import ArrayLike, FloatArray, IndexArray
 from ...errors import PoseNotFound
 from ...geometry.rigid import log_so3, rotation_angle
+from ...regions.image_region import described
 from ...settings import PoseSettings
 from ..pose import Pose
 from .algebraic import Candidates, moment_costs
@@ -39,6 +40,9 @@ PLAUSIBLE = 16.0
 
 ROUND = 60.0
 """Degrees per pixel from which a turn does not show in an outline."""
+
+MISFIT = 8.0
+"""Overlap error (%) beyond what even careless drawing leaves: some region shows something else."""
 
 LOOSE = 1.5
 """Degrees of standard deviation from which a pose counts as undecided."""
@@ -105,12 +109,25 @@ def _doubt(problem: Problem, best: RegionPose, others: Sequence[RegionPose]) -> 
             return "the region is so round that a turn of the camera hardly shows: add a region"
     if best.rotation_sigma > LOOSE:
         return f"the pose is known to {best.rotation_sigma:.1f} degrees only: add a region"
+    if not best.locked and best.overlap_error > MISFIT:
+        return (
+            f"{_worst(problem, best)} fits worst and the outlines coincide nowhere: draw the regions more "
+            "carefully, check their partners, or mark what hides them"
+        )
     if not best.locked and len(problem.outlines) == 1:
         return (
             "the outlines of the only region coincide nowhere: draw it more carefully, mark what hides it, "
             "or add a region"
         )
     return ""
+
+
+def _worst(problem: Problem, pose: RegionPose) -> str:
+    """The region that overlaps worst, as a message calls it."""
+    if not np.any(np.isfinite(pose.region_errors)):
+        return "the union of the regions"
+    place = int(np.nanargmax(pose.region_errors))
+    return described(problem.names[place]).replace("The", "the").replace("Region", "region")
 
 
 def _finished(contours: Contours, fits: Sequence[OutlineFit]) -> list[OutlineFit]:
@@ -177,9 +194,17 @@ def posed(problem: Problem, fit: OutlineFit) -> RegionPose:
         fit.translation - fit.rotation @ problem.origin,
         world_covariance(fit.covariance, fit.rotation, fit.translation),
         overlap_error=overlap,
-        region_errors=each,
+        region_errors=_of_all_regions(problem, each),
         locked=fit.near < np.inf,
     )
+
+
+def _of_all_regions(problem: Problem, errors: Sequence[float]) -> tuple[float, ...]:
+    """Errors of the whole pairs as one per region of the photo, NaN where there is none."""
+    everything = np.full(len(problem.names), np.nan)
+    if len(problem.names) == len(problem.outlines):
+        everything[list(problem.whole)] = errors
+    return tuple(everything.tolist())
 
 
 def distinct(candidates: Candidates) -> Candidates:

@@ -13,6 +13,7 @@ from ...cameras.base import Camera
 from ...geometry.contours import resampled, smoothed
 from ...geometry.rigid import exp_so3
 
+MOST_POINTS = 20_000  # samples of a boundary that comes absurdly near to the camera
 SAMPLES = 400  # boundary samples per region
 
 
@@ -198,12 +199,13 @@ def area_turn(loops: Sequence[FloatArray], rotation: FloatArray, translation: Fl
 def metres_per_pixel(
     camera: Camera, loops: Sequence[FloatArray], rotation: FloatArray, translation: FloatArray
 ) -> float:
-    """Median length on the surface of a pixel along the boundary."""
+    """Median length on the surface of a pixel along the boundary; not less than keeps sampling in bounds."""
     points = np.concatenate([resampled(loop, _length(loop) / 64) for loop in loops])
     pixels = camera.project(points @ rotation.T + translation)
     steps = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     drawn = np.linalg.norm(np.roll(pixels, -1, axis=0) - pixels, axis=1)
-    return float(1.0 / np.nanmedian(drawn / np.maximum(steps, 1e-300)))
+    finest = sum(map(_length, loops)) / MOST_POINTS
+    return max(float(1.0 / np.nanmedian(drawn / np.maximum(steps, 1e-300))), finest)
 
 
 def robust_weights(distances: FloatArray, scale: float) -> FloatArray:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from ...arrays import ArrayLike
 from ...cameras.base import Camera
+from ...errors import PoseNotFound
 from ...jobs import Job, Progress, drain
 from ...regions import ImageRegion, SurfaceRegion
 from ...settings import PoseSettings
 from ..pose import Pose
 from .algebraic import Candidates, joined
-from .ambiguity import chosen, plausible, unlike
+from .ambiguity import MISFIT, chosen, plausible, unlike
 from .covariance import moment_covariance
 from .fitting import LEVELS, Contours, Level, OutlineFit, fit_outlines, unlocked
+from .misfits import misfits_told, pose_without_misfit
 from .overlap import ROUGHLY, overlap_errors
 from .problem import Problem, make_problem
 from .region_pose import RegionPose
@@ -74,6 +77,23 @@ def estimate_pose_job(
     surfaces = [surface_regions] if isinstance(surface_regions, SurfaceRegion) else list(surface_regions)
     yield Progress(0.0, "Reading the regions' outlines")
     problem = make_problem(camera, photo, surfaces, paired)
+    solve = partial(_solved, up=up, initial=initial, settings=settings)
+    try:
+        pose = yield from solve(problem)
+    except PoseNotFound:
+        found = yield from pose_without_misfit(problem, solve)
+        if found is None:
+            raise
+        return found
+    if pose.overlap_error <= MISFIT or (pose.locked and not pose.ambiguous):
+        return misfits_told(problem, pose)
+    return (yield from pose_without_misfit(problem, solve)) or pose
+
+
+def _solved(
+    problem: Problem, up: ArrayLike | None, initial: Pose | None, settings: PoseSettings
+) -> Job[RegionPose]:
+    """Pose of a problem as it stands."""
     yield Progress(0.2, "Searching for poses that fit the regions")
     candidates = moment_candidates(problem, problem.sketches[0], initial)
     contours = Contours(problem)

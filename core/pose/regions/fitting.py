@@ -224,8 +224,10 @@ def _optima(
     poses: list[tuple[FloatArray, FloatArray]] = []
     for spread in (1.0, 0.25):
         offsets = outline_offsets(camera, pairs, rotation, translation)
+        if len(offsets.values) == 0:
+            break  # nothing of the boundary is in view
         found = search_consensus(offsets, spread * covariance, generator, level.near)
-        followed = found.steps[found.scores > WORTHY * found.scores[0]][:MOST_OPTIMA]
+        followed = found.steps[found.scores >= WORTHY * found.scores[0]][:MOST_OPTIMA]
         here = [(exp_so3(step[:3]) @ rotation, translation + step[3:]) for step in followed]
         poses = here + poses[1:]  # the best of before has been searched around
         rotation, translation = here[0]

@@ -66,6 +66,7 @@ class Problem:
     `outlines` holds every pair of regions (unpaired: one pair over all), `moments` the equations of those
     that are whole, `coarse` the same with few edges. `sketches` are coarse pairs of single regions, for
     starts, in groups to be tried one after the other; unpaired regions are paired in every way.
+    `whole` are the indices of the pairs with equations, `names` those of all regions of the photo.
     """
 
     camera: Camera
@@ -74,11 +75,25 @@ class Problem:
     moments: tuple[MomentPair, ...]
     coarse: tuple[MomentPair, ...]
     sketches: tuple[tuple[MomentPair, ...], ...]
+    whole: tuple[int, ...]
+    names: tuple[str, ...]
 
     @property
     def equations(self) -> int:
         """Number of moment equations."""
         return sum(len(pair.moments) for pair in self.moments)
+
+    def without(self, place: int) -> Problem:
+        """Problem whose moments leave out one of its pairs; what is seen of its outline still counts."""
+        left_out = self.coarse[place]
+        singles = tuple(pair for group in self.sketches for pair in group if pair is not left_out)
+        return replace(
+            self,
+            moments=self.moments[:place] + self.moments[place + 1 :],
+            coarse=self.coarse[:place] + self.coarse[place + 1 :],
+            whole=self.whole[:place] + self.whole[place + 1 :],
+            sketches=(singles[:1], singles[1:]) if len(singles) > 1 else (singles,),
+        )
 
 
 def make_problem(
@@ -119,7 +134,9 @@ def make_problem(
         groups = (tuple(singles[:1]), tuple(singles[1:])) if len(singles) > 1 else (tuple(singles),)
     else:
         groups = (_every_way(camera, edges, image_regions, surfaces),)
-    return Problem(camera, origin, tuple(outlines), moments, coarse, groups)
+    places = tuple(k for k, pair in enumerate(outlines) if any(pair is other for other in whole))
+    names = tuple(region.name for region in image_regions)
+    return Problem(camera, origin, tuple(outlines), moments, coarse, groups, places, names)
 
 
 def _every_way(

@@ -12,10 +12,11 @@ class RegionPose(Pose):
     """A pose from regions.
 
     `overlap_error` is δ in percent, `100 |A xor B| / (|A| + |B|)` between the projected surface regions and
-    those of the photo, over all regions; `region_errors` the same per region.
+    those of the photo, over all regions that are whole; `region_errors` the same for each of the photo's,
+    NaN for one that is cut off, partly hidden or left out, and for regions that were not paired.
     `ambiguous` says that the regions alone cannot decide: `alternatives` hold poses that explain them as
     well, best first, or the pose is too loosely determined; `reason` says which. `locked` says that the
-    outlines coincide to a fraction of a pixel over much of their length.
+    outlines coincide over much of their length. `remarks` are sentences on regions that do not fit.
     """
 
     overlap_error: float = 0.0
@@ -24,3 +25,4 @@ class RegionPose(Pose):
     ambiguous: bool = False
     reason: str = ""
     locked: bool = False
+    remarks: tuple[str, ...] = ()

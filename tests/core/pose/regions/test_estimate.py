@@ -257,3 +257,101 @@ def test_poses_are_plain_data():
     assert replace(pose, ambiguous=True).ambiguous
     assert len(pose.region_errors) == 3
     assert pose.overlap_error < 0.5
+
+
+def cut_in_half(scene, index):
+    """Images of which one shows only the left half of its region, and does not say so."""
+    images = scene.images
+    mask = scene.masks[index].copy()
+    mask[:, int(np.median(np.nonzero(mask)[1])) :] = False
+    images[index] = ImageRegion.from_mask(mask, scene.names[index])
+    return images
+
+
+@pytest.mark.parametrize("index", [0, 1, 2])
+def test_region_half_hidden_without_saying_so_is_told_by_name(index):
+    scene = Scene(CAMERA, THREE)
+    pose = estimate_pose(CAMERA, cut_in_half(scene, index), scene.surfaces)
+    assert_close(pose, scene)
+    assert not pose.ambiguous
+    assert len(pose.remarks) == 1
+    assert f"Region '{THREE[index]}'" in pose.remarks[0]
+    assert "mark what hides it" in pose.remarks[0]
+    assert [not error < 5 for error in pose.region_errors] == [k == index for k in range(3)]
+
+
+def test_of_two_regions_the_half_hidden_one_is_told():
+    scene = Scene(CAMERA, ["ell", "prow"])
+    pose = estimate_pose(CAMERA, cut_in_half(scene, 1), scene.surfaces)
+    assert_close(pose, scene, 0.2, 0.02)
+    assert "Region 'prow'" in pose.remarks[0]
+
+
+def test_one_region_half_hidden_is_refused_or_told():
+    scene = Scene(CAMERA, ["prow"])
+    try:
+        pose = estimate_pose(CAMERA, cut_in_half(scene, 0), scene.surfaces)
+    except PoseNotFound:
+        return
+    assert pose.ambiguous
+    assert pose.reason
+
+
+def test_region_with_another_partner_is_left_out_by_name():
+    scene = Scene(CAMERA, THREE)
+    surfaces = [*scene.surfaces[:2], Scene(CAMERA, ["square"]).surfaces[0]]
+    pose = estimate_pose(CAMERA, scene.images, surfaces)
+    assert_close(pose, scene)
+    assert "Region 'gable'" in pose.remarks[0]
+
+
+def test_region_cut_off_by_the_photo_has_no_error_of_its_own():
+    scene = Scene(CAMERA, THREE, shift=[-2.05, 0.1, 3.4])
+    pose = estimate_pose(CAMERA, scene.images, scene.surfaces)
+    cut = [bool(mask[:, 0].any()) for mask in scene.masks]
+    assert [bool(np.isnan(error)) for error in pose.region_errors] == cut
+    unpaired = estimate_pose(CAMERA, Scene(CAMERA, THREE).images, Scene(CAMERA, THREE).surfaces, paired=False)
+    assert len(unpaired.region_errors) == 3
+    assert np.all(np.isnan(unpaired.region_errors))
+
+
+def test_wrong_hints_do_not_give_a_wrong_pose_silently():
+    """A false up direction is contradicted; a false rough pose is outvoted by the outlines."""
+    scene = Scene(CAMERA, ["ell"])
+    down = estimate_pose(CAMERA, scene.images, scene.surfaces, up=scene.rotation[1])
+    assert down.ambiguous
+    assert "pointing down" in down.reason
+    assert_close(down, scene, 0.3, 0.02)
+    for turn in ([2.5, 0.0, 0.0], [0.0, 0.9, 0.4]):
+        false = exp_so3(turn) @ scene.rotation
+        rough = Pose(false, -false @ (scene.centre + 1.0), np.eye(6))
+        assert_close(estimate_pose(CAMERA, scene.images, scene.surfaces, initial=rough), scene, 0.3, 0.02)
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        PerspectiveCamera(1200, 800, MATRIX, [-0.2, 0.05, 0.001, -0.002]),
+        FisheyeCamera(1200, 800, [[500, 0, 599.5], [0, 500, 399.5], [0, 0, 1]], [0.02, -0.01]),
+        PolynomialCamera(1200, 800, [599.5, 399.5], [500.0, 0.0, -6e-4]),
+        CatadioptricCamera(1200, 800, [[1000, 0, 599.5], [0, 1000, 399.5], [0, 0, 1]], 0.9),
+        EquirectangularCamera(4800, 2400),
+    ],
+    ids=lambda camera: type(camera).__name__,
+)
+def test_one_region_upside_down_and_far_from_the_origin(camera):
+    local = exp_so3([0, 0, np.pi]) @ LOCAL
+    scene = Scene(camera, ["prow"], offset=(10_000.0, -8_000.0, 300.0), local=local, shift=[0.1, 0.1, 2.4])
+    pose = estimate_pose(camera, scene.images, scene.surfaces)
+    assert_close(pose, scene, 0.15, 0.01)
+    assert pose.locked
+
+
+def test_a_disc_is_told_to_be_too_round():
+    angle = np.linspace(0, 2 * np.pi, 90, endpoint=False)
+    ring = 0.5 * np.column_stack([np.cos(angle), 0.7 * np.sin(angle), np.zeros(90)])
+    faces = [(0, k, k + 1) for k in range(1, 89)]
+    pixels = CAMERA.project(ring @ LOCAL.T + SHIFT)
+    region = ImageRegion.from_mask(ImageRegion.from_polygon(pixels).to_mask(1200, 800), "clock")
+    pose = estimate_pose(CAMERA, region, SurfaceRegion(ring, faces))
+    assert pose.ambiguous
