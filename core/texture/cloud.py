@@ -86,32 +86,57 @@ def _on_hull(local: FloatArray, gamma: float) -> BoolArray:
 
 
 def _in_depth_buffer(local: FloatArray, normal: FloatArray, view: View, spacing: float) -> BoolArray:
-    """Visibility of points (n,3), relative to the camera's centre, among each other."""
-    rotation = np.asarray(view.rotation, dtype=np.float64)
+    """Visibility of points (n,3), relative to the camera's centre, among each other.
+
+    Discs much nearer than the others are drawn into pictures of larger cells: so none is left with holes.
+    """
     distance = np.linalg.norm(local, axis=1)
-    pixel = view.camera.project(local @ rotation.T)
-    # Discs are drawn about two cells wide at the median distance.
     density = _pixels_per_radian(view.camera)
-    cell = max(1.0, density * spacing * _DISC / float(np.median(distance)) / _CELLS_PER_DISC)
+    # Discs are drawn about two cells wide at the median distance.
+    finest = max(1.0, density * spacing * _DISC / float(np.median(distance)) / _CELLS_PER_DISC)
+    reach = density * spacing * _DISC / distance / finest
+    level = np.ceil(np.log2(np.maximum(reach / _WIDEST_SPLAT, 1.0))).astype(np.int64)
+    pixel = view.camera.project(local @ np.asarray(view.rotation, dtype=np.float64).T)
+    visible = np.ones(len(local), dtype=np.bool_)
+    for number in np.unique(level):
+        drawn = np.flatnonzero(level == number)
+        visible &= _in_front_of(local, normal, pixel, drawn, view, spacing, finest * 2.0**number)
+    return visible
+
+
+def _in_front_of(
+    local: FloatArray,
+    normal: FloatArray,
+    pixel: FloatArray,
+    drawn: IndexArray,
+    view: View,
+    spacing: float,
+    cell: float,
+) -> BoolArray:
+    """Whether points (n,3) lie before the discs of those `drawn` into a picture with cells of `cell` px."""
+    distance = np.linalg.norm(local, axis=1)
+    density = _pixels_per_radian(view.camera)
     columns, rows = int(view.camera.width / cell) + 1, int(view.camera.height / cell) + 1
     column = np.clip((pixel[:, 0] + 0.5) / cell, 0, columns - 1).astype(np.int64)
     row = np.clip((pixel[:, 1] + 0.5) / cell, 0, rows - 1).astype(np.int64)
-    rays = _cell_rays(view.camera, rotation, cell, columns, rows)
+    rays = _cell_rays(view.camera, np.asarray(view.rotation, dtype=np.float64), cell, columns, rows)
     buffer = np.full(columns * rows, np.inf)
-    reach = np.ceil(density * spacing * _DISC / distance / cell).astype(np.int64)
+    reach = np.ceil(density * spacing * _DISC / distance[drawn] / cell).astype(np.int64)
     plane = np.einsum("nk,nk->n", normal, local)
     for dv in range(-_WIDEST_SPLAT, _WIDEST_SPLAT + 1):
         for du in range(-_WIDEST_SPLAT, _WIDEST_SPLAT + 1):
-            u, v = column + du, row + dv
-            drawn = np.flatnonzero(
+            u, v = column[drawn] + du, row[drawn] + dv
+            inside = (
                 (np.maximum(abs(du), abs(dv)) <= reach) & (u >= 0) & (u < columns) & (v >= 0) & (v < rows)
             )
-            _draw(buffer, (v * columns + u)[drawn], rays, local[drawn], normal[drawn], plane[drawn], spacing)
+            here = drawn[inside]
+            at = (v * columns + u)[inside]
+            _draw(buffer, at, rays, local[here], normal[here], plane[here], spacing)
     cosine = np.maximum(-plane / distance, _STEEPEST)
     # A cell's ray passes the point at up to half a cell; on a slope its depth differs by as much.
     slope = distance * (cell / density) * np.sqrt(1 - cosine**2) / cosine
-    visible: BoolArray = distance <= buffer[row * columns + column] + spacing + 0.75 * slope
-    return visible
+    before: BoolArray = distance <= buffer[row * columns + column] + spacing + 0.75 * slope
+    return before
 
 
 def _draw(

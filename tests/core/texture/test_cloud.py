@@ -53,6 +53,17 @@ def test_depth_buffer_agrees_with_rays(view):
     assert (found & expected).sum() / expected.sum() >= 0.99
 
 
+def test_a_pillar_close_to_the_camera_has_no_holes():
+    points, normals = sampled(60_000)
+    view = perspective((-1.6, 1.0, -2.35))  # half a metre before the first pillar, which fills the frame
+    expected = truth(points, normals, view)
+    found = visible_points(points, normals, view)
+    behind = found & (points[:, 2] > -1.0)
+    assert expected.sum() > 200
+    assert (found & expected).sum() / expected.sum() > 0.95
+    assert np.count_nonzero(behind & ~expected) < 0.01 * found.sum()
+
+
 def test_hidden_point_removal_finds_most_of_them_without_normals():
     points, normals = sampled(40_000)
     view = perspective()
