@@ -99,12 +99,15 @@ def _concentrated(points: FloatArray, start: IndexArray, count: int) -> tuple[Fl
     chosen = start
     centre, axes, objective = np.zeros(3), np.eye(3), np.inf
     for _ in range(_STEPS):
-        centre = points[chosen].mean(axis=0)
-        spread = np.cov((points[chosen] - centre).T, bias=True)
-        values, vectors = np.linalg.eigh(spread)
+        some = points[chosen]
+        centre = some.mean(axis=0)
+        off = some - centre
+        values, vectors = np.linalg.eigh(off.T @ off / len(some))
+        if len(some) == count and values[0] > 0.999 * objective:
+            break  # with as many points as before the objective never rises: it has come to rest
         axes = vectors.T[::-1].copy()
         axes[1] = np.cross(axes[2], axes[0])
-        objective = float(values[0])
+        objective = float(values[0]) if len(some) == count else np.inf
         distance = np.abs((points - centre) @ axes[2])
         chosen = np.argpartition(distance, count - 1)[:count]
     return centre, axes, objective

@@ -13,8 +13,8 @@ from .robust_fit import SurfaceFit, fit_smooth
 from .surface_graph import component, labelled, reduced_pairs
 from .surface_index import SurfaceIndex
 
-_SAMPLE = 800  # points that a fit looks at
-_ROUNDS = 4
+_SAMPLE = 600  # points that a fit looks at
+_ROUNDS = 3
 _FEW = 30  # patches below which a region's outline is too coarse to tell what it encloses
 _SETTLED = 0.01  # share of a region's patches that may change without another round
 

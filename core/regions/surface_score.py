@@ -40,12 +40,12 @@ def stability_score(area: float, larger: float) -> float:
 
 
 def _central(piece: Part, level: SurfaceLevel) -> float:
-    """Up to -1.35 for a click far from the middle of the region: people click into the middle."""
+    """Up to -1.8 for a click far from the middle of the region: people click into the middle."""
     step = max(1, len(level.patches) // 2000)
     plane = (piece.middle[level.patches[::step]] - level.fit.centre) @ level.fit.axes[:2].T
     off = (piece.middle[piece.seed] - level.fit.centre) @ level.fit.axes[:2].T - plane.mean(axis=0)
     spread = np.cov(plane.T) + 1e-12 * np.eye(2)
-    return -0.15 * min(float(off @ np.linalg.solve(spread, off)) / 0.15**2, 9.0)
+    return -0.15 * min(float(off @ np.linalg.solve(spread, off)) / 0.15**2, 12.0)
 
 
 def _crispness(piece: Part, level: SurfaceLevel, inside: BoolArray, pair: IntArray, noise: float) -> float:
