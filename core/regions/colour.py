@@ -90,6 +90,9 @@ def _joined(distance: Float32Array, seed: tuple[int, int], tolerance: float) -> 
 
 
 def _outline(mask: BoolArray) -> FloatArray:
-    loops = mask_polygons(smoothed_mask(mask, 1.0), 0.5) or mask_polygons(mask, 0.5)
+    smooth = smoothed_mask(mask, 1.0)
+    shape = smooth if smooth.any() else mask
+    u, v, columns, rows = cv2.boundingRect(shape.view(np.uint8))
+    loops = mask_polygons(shape[v : v + rows, u : u + columns], 0.5)
     largest = max(loops, key=lambda loop: float(np.ptp(loop[:, 0]) * np.ptp(loop[:, 1])))
-    return to_full(largest, _REDUCED)
+    return to_full(largest + np.array([u, v]), _REDUCED)

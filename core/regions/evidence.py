@@ -155,30 +155,26 @@ def joined_outlines(parts: list[Outlines]) -> Outlines:
 def scores(
     edges: Gradient, look: Look, outlines: Outlines, click: FloatArray, straight: BoolArray
 ) -> FloatArray:
-    """Score (N,) of N outlines around a click (2,), higher is better; `straight` (N,) are frames."""
-    evidence = np.column_stack([features(edges, look, outlines), priors(edges, outlines, click, straight)])
+    """Score (N,) of N outlines around a click (2,), higher is better; `straight` (N,) are frames.
+
+    -inf where the photo looks alike on both sides of all sides: such an outline bounds nothing.
+    """
+    inner, outer = _strip(look, outlines, -1.0), _strip(look, outlines, 1.0)
+    core = _moments(look, outlines.points[..., None, :] + _towards_middle(outlines))
+    step, change = _unlike(inner, outer), _unlike(inner, core)
+    seen = np.column_stack([_edge_evidence(edges, outlines), step.min(axis=1), change.mean(axis=1)])
+    evidence = np.column_stack([seen, priors(edges, outlines, click, straight)])
     total: FloatArray = evidence @ np.array(list(WEIGHTS.values()))
-    return total
+    return np.where(step.max(axis=(1, 2)) < _FAINT, -np.inf, total)
 
 
-def faint(look: Look, outlines: Outlines) -> BoolArray:
-    """Whether outlines (N,) bound nothing: the photo looks alike on both sides of all their sides."""
-    step = _unlike(_strip(look, outlines, -1.0), _strip(look, outlines, 1.0))
-    alike: BoolArray = step.max(axis=(1, 2)) < _FAINT
-    return alike
-
-
-def features(edges: Gradient, look: Look, outlines: Outlines) -> FloatArray:
-    """Evidence (N,8) of the photo for N outlines, in the order of `WEIGHTS`."""
+def _edge_evidence(edges: Gradient, outlines: Outlines) -> FloatArray:
+    """What edges say (N,4), in the order of `WEIGHTS`."""
     across, total = _along_sides(edges, outlines, np.array([-1.5, 0.0, 1.5]))
     consistency = np.log(np.maximum((np.abs(across.mean(-1)) / total).max(axis=0), 1e-2))
     covered = (np.abs(across).max(axis=0) > _COVERED).mean(axis=-1)
     inside, outside = (_rival(edges, outlines, side) - np.exp(consistency) for side in (-1.0, 1.0))
-    inner, outer = _strip(look, outlines, -1.0), _strip(look, outlines, 1.0)
-    core = _moments(look, outlines.points[..., None, :] + _towards_middle(outlines))
-    step, change = _unlike(inner, outer), _unlike(inner, core)
-    sides = [consistency.mean(1), covered.min(1), inside.mean(1), outside.mean(1)]
-    return np.column_stack([*sides, step.min(1), change.mean(1)])
+    return np.column_stack([consistency.mean(1), covered.min(1), inside.mean(1), outside.mean(1)])
 
 
 def priors(edges: Gradient, outlines: Outlines, click: FloatArray, straight: BoolArray) -> FloatArray:

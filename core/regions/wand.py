@@ -112,7 +112,7 @@ class PhotoWand:
                 "Nothing here has a closed outline: draw the region with the polygon or lasso tool."
             )
         score = evidence.scores(self.gradient, self.look, outlines, point, straight)
-        score[self._cut_off(outlines) | evidence.faint(self.look, outlines)] = -np.inf
+        score[self._cut_off(outlines)] = -np.inf
         if not np.any(np.isfinite(score)):
             raise RegionError(
                 "What is here goes on outside the photo, as sky or a wall does: click a region that "
@@ -154,7 +154,7 @@ def _without_repeat(corners: FloatArray) -> FloatArray:
 def _distinct(outlines: evidence.Outlines, score: FloatArray, count: int) -> list[int]:
     """The best outlines, each unlike the better ones: somewhere off by 2 % of the size, or 3 pixels."""
     kept: list[int] = []
-    corners = outlines.points[:, :, [0, evidence.SAMPLES // 2, -1]].reshape(len(score), -1, 2)
+    corners = outlines.points[:, :, [0, -1]].reshape(len(score), -1, 2)
     size = np.maximum(3.0, 0.02 * np.ptp(corners, axis=1).max(axis=1))
     for k in np.argsort(-score, kind="stable").tolist():
         if len(kept) == count or not np.isfinite(score[k]):
@@ -174,6 +174,7 @@ def prepare_wand_job(image: ArrayLike, settings: RegionSettings | None = None) -
     photo = edges.as_photo(image)
     yield Progress(0.0, "Reducing the photo")
     small, factor = edges.reduced(photo, settings.working_size)
+    yield Progress(0.1, "Reading its colours")
     colours = edges.lab(small)
     even = edges.evened(colours[:, :, :1])  # edges of hue alone are JPEG's noise, or found by colour
     yield Progress(0.2, "Finding edges")
