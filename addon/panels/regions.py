@@ -10,6 +10,7 @@ from ..operators.mending import shown_mark_photo
 from ..operators.proposals import worked_photo
 from ..properties import FrescoRegion, FrescoScene
 from ..tools.settings import FrescoMarking, FrescoProposal
+from ..tools.toolbar import PHOTO_TOOLS
 from .base import StepPanel, draw_error, draw_text
 
 HOW_TO_MARK = (
@@ -125,12 +126,24 @@ class FRESCO_PT_regions_photo(bpy.types.Panel):
         if worked_photo(context) is None:
             draw_text(layout, context, "Show an imported photo here, to mark regions in it.", icon="INFO")
             return
-        layout.row().prop(context.scene.fresco_marking, "part", expand=True)
+        draw_tool(layout, context)
         if not fresco.regions:
             draw_text(layout, context, HOW_TO_MARK, icon="INFO")
             return
         draw_list(layout, fresco)
         draw_region(layout, context, fresco)
+
+
+def draw_tool(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the settings of the marking tool in use: the Image Editor's own header for them is closed."""
+    active = context.workspace.tools.from_space_image_mode("VIEW", create=False)
+    tool = next((t for t in PHOTO_TOOLS if active is not None and t.bl_idname == active.idname), None)
+    if tool is None:
+        draw_text(layout, context, "Choose a Region tool in the toolbar (key T) to mark.", icon="INFO")
+        return
+    column = layout.column()
+    column.label(text=tool.bl_label, icon="TOOL_SETTINGS")
+    tool.draw_settings(context, column, active)
 
 
 def draw_list(layout: bpy.types.UILayout, fresco: FrescoScene) -> None:
