@@ -2,7 +2,7 @@
 
 Draws the published protocol's cases with our own shapes, solves them without hints, and prints one row per
 setting; `--write` puts the table into docs/benchmarks.md. Times are CPU times of one thread. With
-`--keep FOLDER` every row is kept there when it is done and not made again; several may run at once.
+`--keep FOLDER` every run is kept there when it is done and not made again, and several may run at once.
 """
 
 import argparse
@@ -146,8 +146,7 @@ def overlap(case, pose):
 
 
 def run(name, count, seed):
-    arguments, target = SETTINGS[name]
-    arguments = dict(arguments)
+    arguments = dict(SETTINGS[name][0])
     unpaired = arguments.pop("unpaired", False)
     if "camera" in arguments:
         arguments["camera"] = arguments["camera"]()
@@ -157,13 +156,19 @@ def run(name, count, seed):
         case = cases.make_case(generator, **arguments)
         pose, spent = solve(case, unpaired)
         seconds.append(spent)
-        flagged.append(pose is None or pose.ambiguous)
+        flagged.append(bool(pose is None or pose.ambiguous))
         locked.append(pose is not None and pose.locked)
         rows.append(errors(case, pose) if pose else (180.0, np.inf, 100.0, np.nan))
         if rows[-1][0] > 1 or (rows[-1][3] > 40 and not flagged[-1]):
             failures.append(failure(number, case, pose, rows[-1]))
-    result = summary(name, np.array(rows), np.array(flagged), np.array(locked), np.array(seconds))
-    return {**result, "count": count, "seed": seed, "target": target, "failures": failures}
+    return {
+        "count": count,
+        "rows": rows,
+        "flagged": flagged,
+        "locked": locked,
+        "seconds": seconds,
+        "failures": failures,
+    }
 
 
 def failure(number, case, pose, measured):
@@ -181,7 +186,12 @@ def failure(number, case, pose, measured):
     }
 
 
-def summary(name, rows, flagged, locked, seconds):
+def summary(name, parts):
+    """Row of a setting from the runs made of it."""
+    rows, flagged, locked, seconds = (
+        np.concatenate([np.array(part[key]) for part in parts])
+        for key in ("rows", "flagged", "locked", "seconds")
+    )
     middle = np.nanmedian(rows, axis=0)
     trusted = rows[np.isfinite(rows[:, 3]) & ~flagged, 3]
     return {
@@ -196,6 +206,8 @@ def summary(name, rows, flagged, locked, seconds):
         "nees": float(np.mean(trusted)) if len(trusted) else np.nan,
         "nees_median": float(np.median(trusted)) if len(trusted) else np.nan,
         "ms": 1000 * float(np.median(seconds)),
+        "count": len(rows),
+        "target": SETTINGS[name][1],
     }
 
 
@@ -241,7 +253,7 @@ START, END = "<!-- poses from regions: start -->", "<!-- poses from regions: end
 
 TEXT = """## Poses from regions
 
-`python tests/benchmarks/pose.py --write` makes this table (seed {seed}): 24
+`python tests/benchmarks/pose.py --write` makes this table (seeds {seeds}): 24
 shapes of our own drawn by code, larger side 1 m, one to three of them 1-2 m apart and turned by up to
 30°, a camera 2-6 m away (wide cameras: half of it), any orientation and an origin up to 10 km away.
 Boundary errors are squares of 3-8 % of √area, set and cleared along the boundary until they have changed
@@ -260,9 +272,10 @@ curved region: δ below 5 %.
 """
 
 
-def write(table, seed):
+def write(table, seeds):
     """Put the section into the document, in place of the one that is there."""
-    section = f"{START}\n{TEXT.format(table=table, seed=seed, pnp=pnp_time())}\n{END}"
+    seeds = ", ".join(map(str, seeds))
+    section = f"{START}\n{TEXT.format(table=table, seeds=seeds, pnp=pnp_time())}\n{END}"
     text = DOCUMENT.read_text() if DOCUMENT.exists() else "# Benchmarks\n\n"
     if START in text:
         text = text[: text.index(START)] + section + text[text.index(END) + len(END) :]
@@ -283,28 +296,29 @@ def pnp_time():
     return 10 * (time.process_time() - start)
 
 
-def kept(folder, name, count, seed):
-    """Row of a setting, from the folder if it is there, made and put there if not."""
-    path = folder / f"{name.replace(' ', '_').replace('%', 'percent')}.json" if folder else None
-    if path and path.exists():
-        result = json.loads(path.read_text())
-        if (result["count"], result["seed"]) == (count, seed):
-            return result
-    result = run(name, count, seed)
-    if path:
-        folder.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(result, indent=1))
-    return result
+def kept(folder, name, count, seeds):
+    """Runs of a setting, from the folder if they are there, made and put there if not."""
+    parts = []
+    for seed in seeds:
+        file = f"{name.replace(' ', '_').replace('%', 'percent')}-{seed}.json"
+        if folder and (folder / file).exists():
+            parts.append(json.loads((folder / file).read_text()))
+            continue
+        parts.append(run(name, count, seed))
+        if folder:
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / file).write_text(json.dumps(parts[-1]))
+    return parts
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true")
-    parser.add_argument("--count", type=int)
+    parser.add_argument("--count", type=int, help="cases per setting and seed")
     parser.add_argument("--only", default="", help="settings, or parts of their names, separated by |")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seed", type=int, nargs="+", default=[1])
     parser.add_argument("--verbose", action="store_true", help="also print the cases that went wrong")
-    parser.add_argument("--keep", type=Path, help="folder of finished rows")
+    parser.add_argument("--keep", type=Path, help="folder of finished runs, one per setting and seed")
     parser.add_argument("--write", action="store_true")
     options = parser.parse_args()
     count = options.count or (40 if options.quick else 200)
@@ -313,10 +327,10 @@ def main():
     parts = options.only.split("|")
     named = [name for name in SETTINGS if name in parts]
     for name in named or [name for name in SETTINGS if any(part in name for part in parts)]:
-        result = kept(options.keep, name, count, options.seed)
-        rows.append(row(result))
+        runs = kept(options.keep, name, count, options.seed)
+        rows.append(row(summary(name, runs)))
         print(rows[-1], flush=True)
-        for case in result["failures"] if options.verbose else ():
+        for case in [case for run in runs for case in run["failures"]] if options.verbose else ():
             print("   ", case)
     if options.write:
         write("\n".join(rows), options.seed)

@@ -29,6 +29,9 @@ ALIKE = 0.7
 CLOSE = 2.0
 """Difference of evidence up to which two poses are equals whatever its size."""
 
+RIVAL = 0.1
+"""Least weight of a rival nearby: evidence counts stretches for independent that may not be."""
+
 NO_WORSE = 0.9
 """Of the best's evidence, what a pose in front of the surface must have to be preferred to one behind."""
 
@@ -182,7 +185,7 @@ def _widened(fit: OutlineFit, other: OutlineFit) -> OutlineFit:
     if fit.near == np.inf:
         return fit
     step = np.concatenate([log_so3(other.rotation @ fit.rotation.T), other.translation - fit.translation])
-    weight = 1.0 / (1.0 + np.exp(min(fit.evidence - other.evidence, 700.0)))
+    weight = max(1.0 / (1.0 + np.exp(min(fit.evidence - other.evidence, 700.0))), RIVAL)
     return replace(fit, covariance=fit.covariance + weight * np.outer(step, step))
 
 

@@ -46,7 +46,10 @@ JOINED = (1, 2, 4, 8)
 """How many of the shortest stretches may hang together; the number that leaves the most doubt is taken."""
 
 CERTAIN = 0.6
-"""Least scatter in units of scoring's variance, which takes pixels for independent: exact ones tell more."""
+"""Least scatter in units of scoring's variance where the mask is exact: its pixels tell more than that."""
+
+CLEAN = 0.985
+"""Share of pixels on their side of the boundary from which a mask is exact all along."""
 
 LEAST_STRETCHES = 18
 """Stretches below which their scatter says nothing."""
@@ -228,6 +231,8 @@ def _covariance(sides: Sides, step: FloatArray, width: float) -> FloatArray:
     gradients, information = _gradients(sides, step, width)
     inverse = stable_inverse(information)
     root = np.linalg.cholesky(inverse)
+    beyond = sides.outside * (sides.distances + sides.jacobian @ step)
+    least = CERTAIN if np.mean(beyond > -2.0 * width) > CLEAN else 0.9
     best, most = inverse, 0.0
     for joined in JOINED:
         stretches = per_stretch(sides.block // joined, gradients) @ root
@@ -235,7 +240,7 @@ def _covariance(sides: Sides, step: FloatArray, width: float) -> FloatArray:
         if count < LEAST_STRETCHES:
             break
         values, vectors = np.linalg.eigh(count / (count - 6.0) * stretches.T @ stretches)
-        doubts = np.maximum(values, CERTAIN)  # in units of scoring's own variance, along each direction
+        doubts = np.maximum(values, least)  # in units of scoring's own variance, along each direction
         if doubts.sum() > most:
             best, most = (root @ vectors * doubts) @ (root @ vectors).T, float(doubts.sum())
     return best + _bent(sides, step, width, inverse)
