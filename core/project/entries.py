@@ -68,7 +68,7 @@ class PhotoEntry:
     `imported` is its pose in the world of the program that its camera was imported from. `refine` tells
     whether its pose may be moved by refinement; others are tied to one that may not. `layer` names the set of
     photos that it belongs to (raking light, infrared); `priority` prefers it for texture, in octaves of texel
-    size. `picks` are the pixels of surveyed points, by name.
+    size. `picks` are the pixels of surveyed points, by name. A `telephoto` shot is placed by the others.
     """
 
     photo: Photo
@@ -79,6 +79,7 @@ class PhotoEntry:
     layer: str = ""
     priority: float = 0.0
     picks: Picks = field(default_factory=dict)
+    telephoto: bool = False
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ..arrays import FloatArray
 from ..pose.pose import Pose
 from ..pose.regions.region_pose import RegionPose
 
@@ -147,7 +146,7 @@ def _pose_numbers(pose: Pose) -> dict[str, Any]:
     if isinstance(pose, RegionPose):
         for name in ("overlap_error", "ambiguous", "reason", "locked"):
             numbers[name] = getattr(pose, name)
-        numbers["region_errors"] = list(pose.region_errors)
+        numbers["region_errors"], numbers["remarks"] = list(pose.region_errors), list(pose.remarks)
         numbers["alternatives"] = [_pose_numbers(other) for other in pose.alternatives]
     return numbers
 
@@ -155,20 +154,20 @@ def _pose_numbers(pose: Pose) -> dict[str, Any]:
 def _pose(numbers: Mapping[str, Any]) -> Pose:
     if "overlap_error" in numbers:
         return _region_pose(numbers)
-    return Pose(**_arrays(numbers))
+    arrays = {name: np.array(numbers[name]) for name in ("rotation", "translation", "covariance")}
+    return Pose(**arrays)
 
 
 def _region_pose(numbers: Mapping[str, Any]) -> RegionPose:
     return RegionPose(
-        **_arrays(numbers),
+        rotation=np.array(numbers["rotation"]),
+        translation=np.array(numbers["translation"]),
+        covariance=np.array(numbers["covariance"]),
         overlap_error=numbers["overlap_error"],
         region_errors=tuple(numbers["region_errors"]),
         alternatives=tuple(_region_pose(other) for other in numbers["alternatives"]),
         ambiguous=numbers["ambiguous"],
         reason=numbers["reason"],
         locked=numbers["locked"],
+        remarks=tuple(numbers["remarks"]),
     )
-
-
-def _arrays(numbers: Mapping[str, Any]) -> dict[str, FloatArray]:
-    return {name: np.array(numbers[name]) for name in ("rotation", "translation", "covariance")}

@@ -28,7 +28,9 @@ from .table import Table, hint
 T = TypeVar("T")
 
 _USES: tuple[Use, ...] = ("texture", "pose", "none")
-_KEYS = ("path", "camera", "regions", "mask", "use", "pose", "refine", "layer", "priority", "points")
+_KEYS = (
+    "path", "camera", "regions", "mask", "use", "pose", "refine", "layer", "priority", "points", "telephoto",
+)  # fmt: skip
 _LARGEST_PRIORITY = 20.0
 """Octaves of texel size beyond which a photo wins or loses everywhere anyway."""
 _NOT_IN_NAMES = '/\\:*?"<>|'
@@ -170,7 +172,8 @@ def _entry(
     photo, layer, priority = _photo(draft, cameras, size, posed), _layer(draft), 0.0
     if "priority" in sources:
         priority = sources["priority"].number("priority", -_LARGEST_PRIORITY, _LARGEST_PRIORITY)
-    return PhotoEntry(photo, use, pose, refine, elsewhere, layer, priority, _picks(draft))
+    telephoto = sources["telephoto"].flag("telephoto", False) if "telephoto" in sources else False
+    return PhotoEntry(photo, use, pose, refine, elsewhere, layer, priority, _picks(draft), telephoto)
 
 
 def _picks(draft: _Draft) -> dict[str, tuple[float, float]]:

@@ -114,7 +114,7 @@ def _solve_job(
         # In a photo that was turned the tag tells that up is elsewhere in the stored pixels.
         upright = up if photo.exif.orientation == 1 else None
         pose = yield from estimate_pose_job(photo.camera, images, partners, up=upright, settings=settings)
-        failure = ambiguity(pose)
+        failure, notes = ambiguity(pose), (*notes, *pose.remarks)
     except (PoseNotFound, RegionError) as error:
         failure = str(error)
     names = tuple(image.name for image in images)

@@ -33,6 +33,7 @@ from .provenance import local_translation, provenance, write_photo_per_face, wri
 from .refinement import RefineSettings, refine_poses_job, view_of
 from .store import Store
 from .surfaces import check_partners, region_faces, surface_regions
+from .telephoto import pose_telephoto_job
 from .textures import TexturedScan, texture_layers_job
 
 Result = TypeVar("Result")
@@ -217,6 +218,9 @@ def _pose_job(
     poses = [by_name[entry.photo.name] for entry in project.photos]
     if project.points is not None:
         poses = yield from _points_job(project, project.points, poses, scan, store)
+    shots = {e.photo.name for e in project.photos if e.telephoto and e.pose is None and e.imported is None}
+    if shots:
+        poses = yield from pose_telephoto_job(scan, [e.photo for e in project.photos], poses, shots)
     if not any(pose.solved for pose in poses):
         reasons = "\n".join(" ".join([f"{pose.photo}: {pose.failure}", *pose.notes]) for pose in poses[:5])
         raise PoseNotFound(f"None of the {len(poses)} photos found its place.\n{reasons}")
