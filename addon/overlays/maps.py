@@ -48,13 +48,8 @@ def _rectangles(boxes: list[tuple[float, float, float, float]], colours: list[li
     for (x, y, width, height), colour in zip(boxes, colours, strict=True):
         corners = np.array([(x, y), (x + width, y), (x, y + height), (x + width, y + height)], np.float32)
         shader.bind()
-        shader.uniform_float("color", (*(_linear(part) for part in colour), 1.0))
+        shader.uniform_float("color", (*colour, 1.0))
         batch_for_shader(shader, "TRI_STRIP", {"pos": corners}).draw(shader)
-
-
-def _linear(value: float) -> float:
-    """Linear value of an sRGB one: Blender's shaders code it again."""
-    return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
 
 
 def draw_text(x: float, y: float, text: str, scale: float) -> None:

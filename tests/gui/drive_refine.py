@@ -136,6 +136,8 @@ def maps(ui):
         bpy.ops.fresco.texture_scan()
     view = ui.area().spaces.active
     view.region_3d.view_perspective = "PERSP"
+    with ui.override():
+        bpy.ops.view3d.view_all(center=False)
     fresco().maps.wanted_texel = 0.004
     for field in ("texel_size", "view"):
         with ui.override():
