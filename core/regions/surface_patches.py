@@ -55,7 +55,9 @@ class SurfacePatches:
         inside = np.zeros(len(self.area), dtype=np.bool_)
         inside[chosen] = True
         pair = pair[inside[self.label[pair[:, 1]]]]
-        numbers: IntArray = np.searchsorted(members, pair).astype(np.int32)
+        number = np.empty(len(self.label), dtype=np.int32)
+        number[members] = np.arange(len(members), dtype=np.int32)
+        numbers: IntArray = number[pair]
         return numbers
 
 
