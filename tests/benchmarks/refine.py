@@ -117,9 +117,10 @@ def edges_table(options):
             f"{1000 * np.median(centre[moved]):.1f} mm | {np.median(nees[moved]):.1f} "
             f"| {best[0]:.3f}°, {1000 * best[1]:.1f} mm | {seconds:.1f} |"
         )
+        print(lines[-1], file=sys.stderr, flush=True)
     head = (
-        f"Edge refinement of disturbed poses on rendered scenes ({', '.join(scenes)}; 1080 x 810 pixels, 5 "
-        "to 7 m away), scan without colour, the start without covariance; “back” is within 0.15° and 15 mm, "
+        f"Edge refinement of disturbed poses on rendered scenes ({', '.join(scenes)}; {len(results)} "
+        "cases a row; 1080 x 810 pixels, 5 to 7 m away), scan without colour, the start without covariance; “back” is within 0.15° and 15 mm, "
         "“worse” is farther away than the start and not said so. The bound is `cv2.solvePnPRefineLM` from "
         "the same start with 40 true points and 0.5 px noise:\n\n"
         "| disturbed by | back | kept, said so | worse | moved ones, median | normalised error² (median) "

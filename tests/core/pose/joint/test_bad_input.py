@@ -9,7 +9,7 @@ from fresco.core.pose import refine_poses_jointly
 from fresco.core.settings import JointSettings
 
 SMALL = PerspectiveCamera(560, 420, [[500, 0, 279.5], [0, 500, 209.5], [0, 0, 1]])
-FEW = JointSettings(features=2500)
+FEW = JointSettings(features=1500)
 
 
 def centre_errors(poses, views):
@@ -43,7 +43,7 @@ def test_people_who_walk_through_do_not_bend_the_poses(wall, disturb):
 @pytest.fixture(scope="module")
 def mixed(wall, disturb):
     fisheye = FisheyeCamera(560, 560, [[300, 0, 279.5], [0, 300, 279.5], [0, 0, 1]], [0.02, -0.01])
-    cameras = [SMALL, fisheye, SMALL, EquirectangularCamera(2000, 1000)]
+    cameras = [SMALL, fisheye, SMALL, EquirectangularCamera(1400, 700)]
     places = [(-0.8, -3.2, 0.1), (-0.2, -2.6, 0.2), (0.5, -3.2, -0.1), (0.2, -2.4, 0.0)]
     views = [wall.view(place, camera=camera) for place, camera in zip(places, cameras, strict=True)]
     starts = [disturb(view, 0.2, 0.015, seed) for seed, view in enumerate(views)]

@@ -147,7 +147,7 @@ def test_wrong_focal_length_is_found_on_photos(wall):
     views = [wall.view(place, camera=true, roll=0.2 * k) for k, place in enumerate(places)]
     said = PerspectiveCamera(720, 540, [[640, 0, 359.5], [0, 640, 269.5], [0, 0, 1]])
     views = [replace(view, camera=said) for view in views]
-    poses = refine_poses_jointly(views, wall.vertices, wall.faces, adjust_lenses=True)
+    poses = refine_poses_jointly(views, wall.vertices, wall.faces, JointSettings(features=2500), True)
     lens = poses[0].lens
     assert lens is not None
     assert not lens.note, lens.note
