@@ -120,9 +120,9 @@ def edges_table(options):
         print(lines[-1], file=sys.stderr, flush=True)
     head = (
         f"Edge refinement of disturbed poses on rendered scenes ({', '.join(scenes)}; {len(results)} "
-        "cases a row; 1080 x 810 pixels, 5 to 7 m away), scan without colour, the start without covariance; “back” is within 0.15° and 15 mm, "
-        "“worse” is farther away than the start and not said so. The bound is `cv2.solvePnPRefineLM` from "
-        "the same start with 40 true points and 0.5 px noise:\n\n"
+        "cases a row; 1080 x 810 pixels, 5 to 7 m away), scan without colour, the start without "
+        "covariance; “back” is within 0.15° and 15 mm, “worse” is farther away than the start and not "
+        "said so. The bound is `cv2.solvePnPRefineLM` from the same start with 40 true points and 0.5 px noise:\n\n"
         "| disturbed by | back | kept, said so | worse | moved ones, median | normalised error² (median) "
         "| bound | CPU s |\n|---|---|---|---|---|---|---|---|\n"
     )
