@@ -216,3 +216,21 @@ def test_cameras_go_into_a_project_and_out_of_it(extension, project, tmp_path, f
     assert done.returncode == 2 and "is there already" in done.stderr
     done = fresco("run", path)
     assert done.returncode == 0 and done.stdout.count("pose given") == 3
+
+
+def test_a_repeated_run_leaves_its_files_alone(extension, project, tmp_path):
+    import json
+
+    path = project(("[output]", "[output]\nreport = false"))
+    assert fresco("run", path).returncode == 0
+    out = tmp_path / "out put"
+    record = json.loads((out / f"{path.stem}_provenance.json").read_text(encoding="utf-8"))
+    assert record["versions"]["blender"].startswith(("4.", "5."))
+    files = [out / (path.stem + ending) for ending in (".blend", ".glb", ".obj")]
+    before = [file.stat().st_mtime_ns for file in files]
+    done = fresco("run", path)
+    assert done.returncode == 0, done.stderr
+    assert [file.stat().st_mtime_ns for file in files] == before
+    files[1].unlink()
+    assert fresco("run", path).returncode == 0
+    assert files[1].exists() and files[0].stat().st_mtime_ns > before[0]
