@@ -28,6 +28,9 @@ from refine_scenes import scene_views
 
 ROOT = Path(__file__).resolve().parents[2]
 
+DISTURBED = ((0.2, 0.02), (0.5, 0.05), (1.0, 0.1), (2.0, 0.2))
+"""Degrees and metres by which starts of edge refinement are off."""
+
 
 def main():
     tables = {"points": points_table, "edges": edges_table, "real": real_table}
@@ -96,7 +99,7 @@ def edges_table(options):
     cases, lines = 1 if options.quick else 5, []
     scenes = scene_views()
     views = [(scene, view) for scene, of_scene in scenes.values() for view in of_scene]
-    for degrees, metres in ((0.2, 0.02), (0.5, 0.05), (1.0, 0.1), (2.0, 0.2)):
+    for degrees, metres in DISTURBED:
         rng, results, bound = np.random.default_rng(1), [], []
         seconds = time.process_time()
         for scene, view in views:
@@ -122,7 +125,8 @@ def edges_table(options):
         f"Edge refinement of disturbed poses on rendered scenes ({', '.join(scenes)}; {len(results)} "
         "cases a row; 1080 x 810 pixels, 5 to 7 m away), scan without colour, the start without "
         "covariance; “back” is within 0.15° and 15 mm, “worse” is farther away than the start and not "
-        "said so. The bound is `cv2.solvePnPRefineLM` from the same start with 40 true points and 0.5 px noise:\n\n"
+        "said so. The bound is `cv2.solvePnPRefineLM` from the same start with 40 true points "
+        "and 0.5 px noise:\n\n"
         "| disturbed by | back | kept, said so | worse | moved ones, median | normalised error² (median) "
         "| bound | CPU s |\n|---|---|---|---|---|---|---|---|\n"
     )

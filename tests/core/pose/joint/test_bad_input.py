@@ -43,8 +43,8 @@ def test_people_who_walk_through_do_not_bend_the_poses(wall, disturb):
 @pytest.fixture(scope="module")
 def mixed(wall, disturb):
     fisheye = FisheyeCamera(560, 560, [[300, 0, 279.5], [0, 300, 279.5], [0, 0, 1]], [0.02, -0.01])
-    cameras = [SMALL, fisheye, SMALL, EquirectangularCamera(1400, 700)]
-    places = [(-0.8, -3.2, 0.1), (-0.2, -2.6, 0.2), (0.5, -3.2, -0.1), (0.2, -2.4, 0.0)]
+    cameras = [SMALL, fisheye, EquirectangularCamera(1400, 700)]
+    places = [(-0.8, -3.2, 0.1), (-0.2, -2.6, 0.2), (0.3, -2.4, 0.0)]
     views = [wall.view(place, camera=camera) for place, camera in zip(places, cameras, strict=True)]
     starts = [disturb(view, 0.2, 0.015, seed) for seed, view in enumerate(views)]
     return views, refine_poses_jointly(starts, wall.vertices, wall.faces, FEW, adjust_lenses=True)
@@ -57,4 +57,4 @@ def test_cameras_of_several_models_are_adjusted_together(mixed):
 
 
 def test_panorama_says_that_it_has_no_lens_to_adjust(mixed):
-    assert "panorama" in mixed[1][3].lens.note
+    assert "panorama" in mixed[1][2].lens.note
