@@ -224,8 +224,10 @@ def draw_quality(
         swatch = row.row()
         swatch.ui_units_x = 0.9
         swatch.prop(region, "color", text="")
-    turns = {0: "round", 1: "no symmetry"}.get(quality["symmetry"], f"{quality['symmetry']}-fold")
-    row.label(text=f"{name}: {quality['area']:,.0f} px², compact {quality['compactness']:.2f}, {turns}")
+    row.label(text=name)
+    turns = {0: "round", 1: "no symmetry"}.get(quality["symmetry"], f"{quality['symmetry']}-fold symmetry")
+    figures = f"{quality['area']:,.0f} px², compactness {quality['compactness']:.2f}, {turns}"
+    draw_text(layout, context, figures, icon="BLANK1")
     if quality["advice"]:
         draw_text(layout, context, str(quality["advice"]), icon="ERROR")
 
