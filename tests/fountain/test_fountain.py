@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fresco.core.geometry.rigid import rotation_angle
+from fresco.core.geometry.rigid import log_so3
 from fresco.core.project import load_project, run_project
 
 FOLDER = Path(__file__).parent
 DATA = FOLDER.parents[2] / "shared" / "data" / "fountain-P11"
+
+WITHIN_THREE_SIGMA = 20.06  # chi-squared with 6 degrees of freedom, 99.73 %
 
 pytestmark = pytest.mark.skipif(
     not DATA.is_dir(), reason="the photos and the mesh of fountain-P11 are not at ../shared/data"
@@ -34,22 +36,29 @@ def survey():
 def test_every_photo_with_two_regions_stands_where_the_survey_saw_it(result, survey):
     marked = {photo.name for photo in result.photos if len(photo.regions) >= 2}
     assert len(marked) == 10
-    rotation, centre = [], []
+    rotation, share = [], []
+    middle = result.scan.vertices.mean(axis=0) + result.scan.offset
     for found in result.poses:
         if found.photo not in marked:
             continue
         assert found.solved, f"{found.photo}: {found.failure}"
         true_rotation, true_centre = survey[found.photo]
-        rotation.append(float(np.degrees(rotation_angle(found.pose.rotation @ true_rotation.T))))
-        centre.append(float(np.linalg.norm(found.pose.centre + result.scan.offset - true_centre)))
+        off = found.pose.centre + result.scan.offset - true_centre
+        turn = log_so3(found.pose.rotation @ true_rotation.T)
+        rotation.append(float(np.degrees(np.linalg.norm(turn))))
+        share.append(100 * float(np.linalg.norm(off) / np.linalg.norm(middle - true_centre)))
         print(
             f"{found.photo}: {rotation[-1]:.3f} deg (sigma {found.pose.rotation_sigma:.3f}), "
-            f"{100 * centre[-1]:.1f} cm (sigma {100 * found.pose.centre_sigma:.1f}), "
+            f"{100 * np.linalg.norm(off):.1f} cm (sigma {100 * found.pose.centre_sigma:.1f}), "
             f"overlap error {found.overlap_error:.2f} %, {len(found.regions)} regions"
         )
-    print(f"median {np.median(rotation):.3f} deg, {100 * np.median(centre):.2f} cm")
-    assert np.median(rotation) < 0.2
-    assert np.median(centre) < 0.025
+        assert rotation[-1] < 3 * found.pose.rotation_sigma
+        assert np.linalg.norm(off) < 3 * found.pose.centre_sigma
+        error = np.concatenate([turn, off])
+        assert error @ np.linalg.solve(found.pose.covariance, error) < WITHIN_THREE_SIGMA
+    print(f"median {np.median(rotation):.3f} deg, {np.median(share):.3f} % of the distance")
+    assert np.median(rotation) <= 0.12
+    assert np.median(share) <= 0.18
 
 
 def test_photo_without_regions_says_so(result):

@@ -11,7 +11,7 @@ from fresco.core.cameras import (
     PolynomialCamera,
 )
 from fresco.core.errors import PoseNotFound, RegionError
-from fresco.core.geometry.rigid import exp_so3, rotation_angle
+from fresco.core.geometry.rigid import exp_so3, log_so3, rotation_angle
 from fresco.core.pose import Pose, estimate_pose, estimate_pose_and_focal, estimate_pose_job
 from fresco.core.regions import ImageRegion, SurfaceRegion
 from hypothesis import given, settings
@@ -355,3 +355,20 @@ def test_a_disc_is_told_to_be_too_round():
     region = ImageRegion.from_mask(ImageRegion.from_polygon(pixels).to_mask(1200, 800), "clock")
     pose = estimate_pose(CAMERA, region, SurfaceRegion(ring, faces))
     assert pose.ambiguous
+
+
+def test_polygons_drawn_by_hand_say_how_far_they_may_be_off():
+    """Corners are off by pixels, so that whole sides are: no lock in pieces, and errors within 3 sigma."""
+    generator = np.random.default_rng(3)
+    squares = []
+    for _ in range(3):
+        scene = Scene(CAMERA, THREE)
+        images = []
+        for surface in scene.surfaces:
+            corners = CAMERA.project(surface.vertices @ scene.rotation.T + scene.translation)
+            images.append(ImageRegion.from_polygon(corners + generator.normal(0, 1.5, corners.shape)))
+        pose = estimate_pose(CAMERA, images, scene.surfaces)
+        error = np.concatenate([log_so3(pose.rotation @ scene.rotation.T), pose.centre - scene.centre])
+        squares.append(error @ np.linalg.solve(pose.covariance, error))
+        assert np.degrees(rotation_angle(pose.rotation @ scene.rotation.T)) < 3 * pose.rotation_sigma
+    assert np.mean(squares) < 20
