@@ -64,7 +64,7 @@ def photo_rows(photos):
 def speed(photo, size=(6000, 4000)):
     """CPU seconds on a photo enlarged to 24 Mpx.
 
-    Preparing and its longest step, median and worst click, median and worst finishing.
+    Preparing, median and worst click, median and worst finishing, and the longest step of preparing.
     """
     image = cv2.imread(str(DATA / "images" / f"{photo}.jpg"))[:, :, ::-1]
     large = cv2.resize(image, size, interpolation=cv2.INTER_CUBIC)
@@ -151,7 +151,7 @@ def tables(photos, surfaces, seconds):
             f"| {name} | {len(chosen)} | {middle[0]:.3f} | {chosen[:, 0].min():.3f} | {middle[1]:.3f} |"
         )
     clicks = np.median([row[4:6] for row in photos], axis=0)
-    prepare, step, click, slowest, finish, longest = (f"{value:.2f}" for value in seconds)
+    prepare, click, slowest, finish, longest, step = (f"{value:.2f}" for value in seconds)
     lines += [
         "",
         f"Click {clicks[0]:.2f} s, finishing at full resolution {clicks[1]:.2f} s (median).",
