@@ -243,7 +243,7 @@ class _Bands:
     def at(self, pixels: FloatArray) -> tuple[Float32Array, Float32Array]:
         """Low frequencies and the rest at pixels: (n,2) -> (n,3), (n,3) linear."""
         low = sample_image(self.low, (pixels + 0.5) * self.low_scale - 0.5)
-        full = to_linear(sample_image(self.full, (pixels + 0.5) * self.scale - 0.5))
+        full = to_linear(sample_image(self.full, (pixels + 0.5) * self.scale - 0.5, cubic=True))
         gain = self.gain.astype(np.float32)
         return low * gain, (full - low) * gain
 

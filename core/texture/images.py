@@ -116,18 +116,19 @@ def full_turn(camera: Camera) -> float:
     return 0.0
 
 
-def sample_image(image: AnyArray, pixels: ArrayLike, wraps: bool = False) -> AnyArray:
+def sample_image(image: AnyArray, pixels: ArrayLike, wraps: bool = False, cubic: bool = False) -> AnyArray:
     """Bilinear values at pixels, clamped to the frame: (H,W) or (H,W,C), (N,2) -> (N,) or (N,C).
 
     The values keep the image's type; OpenCV interpolates in steps of 1/32 pixel. An image that `wraps` goes
-    on at its other side (see `full_turn`).
+    on at its other side (see `full_turn`). `cubic` interpolation keeps the detail where values are stored.
     """
     at = np.asarray(pixels, dtype=np.float32)
     if wraps:
         at = np.asarray(pixels, dtype=np.float64)
         width, height = image.shape[1], image.shape[0]
         at = np.stack([np.mod(at[..., 0], width), np.clip(at[..., 1], 0, height - 1)], axis=-1)
-        image, at = np.concatenate([image, image[:, :1]], axis=1), at.astype(np.float32)
+        image = np.concatenate([image[:, -2:], image, image[:, :2]], axis=1)
+        at = (at + np.array([2, 0])).astype(np.float32)
     count = len(at)
     if count == 0:
         return np.zeros((0, *image.shape[2:]), dtype=image.dtype)
@@ -135,7 +136,8 @@ def sample_image(image: AnyArray, pixels: ArrayLike, wraps: bool = False) -> Any
     padded = np.zeros((rows * _CHUNK if rows > 1 else count, 2), dtype=np.float32)
     padded[:count] = at
     grid = padded.reshape(rows, -1, 2)
-    values = cv2.remap(image, grid[..., 0], grid[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    kernel = cv2.INTER_CUBIC if cubic else cv2.INTER_LINEAR
+    values = cv2.remap(image, grid[..., 0], grid[..., 1], kernel, borderMode=cv2.BORDER_REPLICATE)
     out: AnyArray = values.reshape(-1, *image.shape[2:])[:count]
     return out
 
