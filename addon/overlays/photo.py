@@ -94,7 +94,8 @@ def region_errors(photo: FrescoPhoto) -> dict[str, float]:
         return {}
     solution = json.loads(photo.solution_json)
     pose = solution["pose"] or {}
-    return dict(zip(solution["regions"], pose.get("region_errors", ()), strict=False))
+    errors = dict(zip(solution["regions"], pose.get("region_errors", ()), strict=False))
+    return {name: error for name, error in errors.items() if error == error}  # NaN: it did not count
 
 
 def _draw_mark(
