@@ -20,6 +20,7 @@ from ..properties import FrescoPhoto
 from ..tools import targets
 from ..tools.background import beside_job
 from ..tools.prepared import PreparedScan, photo_job, scan_job
+from ..tools.watch import redraw_views
 from .regions import has_scan
 
 _TAKEN = 0.5  # share of a proposal that may lie in regions that are marked already
@@ -140,7 +141,7 @@ def worked_photo(context: bpy.types.Context) -> FrescoPhoto | None:
 
 
 class ProposalOperator(StepOperator):
-    """Mixin: something done to proposals."""
+    """Mixin: something done to proposals, which lie over photo and scan."""
 
     bl_options = {"UNDO"}
     step = "regions"
@@ -153,6 +154,11 @@ class ProposalOperator(StepOperator):
         scan = context.scene.fresco.scan
         cls.poll_message_set("Leave Edit Mode first")
         return scan is None or scan.mode == "OBJECT"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        done = super().execute(context)
+        redraw_views(context.window_manager)
+        return done
 
 
 class FRESCO_OT_accept_proposal(ProposalOperator):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 
 from ..tools.prepared import STORE
-from ..tools.watch import WATCH
+from ..tools.watch import WATCH, redraw_views
 from . import maps, photo, points, residuals, scan
 
 CLASSES = ()
@@ -39,10 +39,7 @@ def _scene_changed(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> No
 def show_news() -> float:
     """Draw again when a thread has finished something that is to be drawn."""
     if photo.OUTLINES.news or scan.SHAPES.news:
-        for window in bpy.context.window_manager.windows:
-            for area in window.screen.areas:
-                if area.type in {"VIEW_3D", "IMAGE_EDITOR"}:
-                    area.tag_redraw()
+        redraw_views(bpy.context.window_manager)
     return _NEWS_PERIOD
 
 

@@ -82,6 +82,8 @@ def _advise(scene: bpy.types.Scene) -> None:
     manager = bpy.context.window_manager
     signature = advice.advice_signature(scene)
     settled, WATCH.seen = signature == WATCH.seen, signature
+    if not settled:
+        redraw_views(manager)
     if WATCH.work is not None and WATCH.work.signature != signature:
         WATCH.work.stop()
         WATCH.work = None
@@ -112,6 +114,14 @@ def _show(manager: bpy.types.WindowManager, told: advice.Advice | None) -> None:
         qualities = {} if told is None else {name: vars(q) for name, q in told.qualities.items()}
         shown.regions_json = json.dumps(qualities)
     redraw_panels(bpy.context)
+
+
+def redraw_views(manager: bpy.types.WindowManager) -> None:
+    """Draw photos and scan again: buttons of a sidebar change what lies over them."""
+    for window in manager.windows:
+        for area in window.screen.areas:
+            if area.type in {"VIEW_3D", "IMAGE_EDITOR"}:
+                area.tag_redraw()
 
 
 CLASSES = (FrescoAdvice,)

@@ -85,7 +85,7 @@ def find_partners(ui, left):
     assert all(names[a] == f"{names[b]} in the photo" for a, b in pairs), (pairs, names)
     with ui.override(left):
         bpy.ops.fresco.accept_proposal("EXEC_DEFAULT", True)
-    assert len(d.fresco().regions) == 6 - len(pairs)
+    assert len(d.fresco().regions) == 6 - len(pairs) < 6
 
 
 def advise(ui, area):
@@ -98,11 +98,20 @@ def advise(ui, area):
     ui.shot("4 advice")
 
 
+def forget_partner(photo, name):
+    """Turn a region's mark in a photo into a region that is not on the scan."""
+    mark = photo.mark(d.fresco().region_named(name).uid)
+    with_mark = d.module("bridge.regions").add_region(bpy.context.scene, f"{name} in the photo")
+    mark.region_id = with_mark.uid
+
+
 def solve_and_project(ui, left):
     """With a pose the last partner is proposed by projecting, and the next photo gets its marks."""
     with ui.override(left):
         bpy.ops.fresco.solve_poses(only_active=True)
-    assert d.fresco().photos[0].state == "SOLVED", d.fresco().photos[0].message
+    photo = d.fresco().photos[0]
+    assert photo.state == "SOLVED", photo.message
+    forget_partner(photo, "blue tile")
     yield from run(ui, left, bpy.ops.fresco.propose_partners)
     ui.log([(p.name, p.note) for p in d.marking().proposals])
     assert kinds() == ["PARTNERS"], kinds()

@@ -66,6 +66,13 @@ def box_of(mask, margin=0):
     return [(a, c), (b, c), (b, d), (a, d)]
 
 
+def between(corners, count):
+    """Places along a closed polygon, `count` on every side."""
+    share = np.arange(count)[:, None] / count
+    pairs = zip(corners, [*corners[1:], corners[0]], strict=True)
+    return np.concatenate([(1 - share) * np.array(a) + share * np.array(b) for a, b in pairs])
+
+
 def import_scene(folder, photos, keep_regions=False):
     """Import scan and photos of the small scene, without the regions that its scan brings."""
     bpy.ops.object.select_all(action="SELECT")
