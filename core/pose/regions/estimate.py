@@ -15,7 +15,7 @@ from ..pose import Pose
 from .algebraic import Candidates, joined
 from .ambiguity import MISFIT, chosen, plausible, unlike
 from .covariance import moment_covariance
-from .fitting import LEVELS, Contours, Level, OutlineFit, fit_outlines, unlocked
+from .fitting import LEVELS, Contours, Level, OutlineFit, Rigid, fit_like, fit_outlines, unlocked
 from .misfits import misfits_told, pose_without_misfit
 from .overlap import ROUGHLY, overlap_errors
 from .problem import Problem, make_problem
@@ -119,11 +119,19 @@ def _fits(
     problem = contours.problem
     for level in levels:
         fits: list[OutlineFit] = []
-        for index in _plausible(problem, candidates):
+        starts: list[Rigid] = []  # of each fit
+        poses = [
+            (candidates.rotations[k], candidates.translations[k]) for k in _plausible(problem, candidates)
+        ]
+        for pose in poses:
             yield Progress(progress, "Fitting the outlines")
-            rotation, translation = candidates.rotations[index], candidates.translations[index]
-            covariance = moment_covariance(problem.moments, rotation, translation)
-            fits += fit_outlines(level, contours, rotation, translation, covariance)
+            found = fit_outlines(level, contours, *pose, moment_covariance(problem.moments, *pose))
+            fits, starts = fits + found, starts + [pose] * len(found)
+        if fits:
+            best = max(range(len(fits)), key=lambda k: fits[k].evidence)
+            others = [pose for pose in poses if pose is not starts[best]]
+            for other in others:
+                fits += fit_like(level, contours, fits[best], starts[best], other)
         fits = [fit for fit in fits if _apart(problem, fit) <= limit]
         if fits:
             return fits

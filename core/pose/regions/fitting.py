@@ -113,6 +113,10 @@ class OutlineFit:
     exact: bool = False
 
 
+Rigid = tuple[FloatArray, FloatArray]
+"""Rotation (3,3) and translation (3,) of a pose."""
+
+
 class Contours:
     """Smooth outlines of every pair of a problem, made once per level."""
 
@@ -148,6 +152,22 @@ def fit_outlines(
     fits = [_refined(level, contours, pairs, *pose) for pose in found]
     locked = [fit for fit in fits if fit is not None]
     return _apart(contours.problem.camera, pairs, sorted(locked, key=lambda fit: -fit.evidence), level)
+
+
+def fit_like(
+    level: Level, contours: Contours, fit: OutlineFit, start: Rigid, other: Rigid
+) -> list[OutlineFit]:
+    """Fit at the pose that is to `fit` as the moment solution `other` is to `start`, if outlines lock there.
+
+    Solutions of a symmetric region differ by a movement of the region onto itself: where one locks, all do,
+    whatever a search misses.
+    """
+    turn = start[0].T @ other[0]
+    rotation = fit.rotation @ turn
+    translation = fit.translation + fit.rotation @ start[0].T @ (other[1] - start[1])
+    pairs = contours.pairs(level, rotation, translation)
+    found = _refined(level, contours, pairs, rotation, translation)
+    return [] if found is None else [found]
 
 
 def unlocked(
