@@ -29,6 +29,7 @@ class Watch:
 
     def __init__(self) -> None:
         self.seen: Signature = ()
+        self.proposed: Signature = ()
         self.told: Signature = ()
         self.work: Preparation[advice.Advice] | None = None
 
@@ -36,7 +37,7 @@ class Watch:
         """Forget all: another file was opened, or the add-on goes."""
         if self.work is not None:
             self.work.stop()
-        self.seen, self.told, self.work = (), (), None
+        self.seen, self.told, self.proposed, self.work = (), (), (), None
 
 
 WATCH = Watch()
@@ -82,7 +83,10 @@ def _advise(scene: bpy.types.Scene) -> None:
     manager = bpy.context.window_manager
     signature = advice.advice_signature(scene)
     settled, WATCH.seen = signature == WATCH.seen, signature
-    if not settled:
+    marking = scene.fresco_marking
+    proposed = len(marking.proposals), marking.proposal_index
+    if not settled or proposed != WATCH.proposed:
+        WATCH.proposed = proposed
         redraw_views(manager)
     if WATCH.work is not None and WATCH.work.signature != signature:
         WATCH.work.stop()
