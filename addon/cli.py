@@ -117,7 +117,8 @@ def run_job(project: Project) -> Job[ProjectResult]:
     versions = {"blender": bpy.app.version_string}
     result = yield from part(run_project_job(project, versions), 0.0, 0.8)
     output = project.output
-    wanted = Wanted(output.folder.resolve(), output.name, output.glb, False, output.report, output.blend)
+    folder, layers = output.folder.resolve(), tuple(sorted(result.layers, key=lambda layer: layer != ""))
+    wanted = Wanted(folder, output.name, output.glb, False, output.report, output.blend, layers)
     store, key = Store(output.folder / "cache"), outputs_key(result.provenance)
     if are_unchanged(store, wanted.paths, key):
         yield Progress(1.0, "Everything is as the last run has written it")
@@ -157,6 +158,9 @@ class ProgressPrinter:
             print(f"  {pose.photo}: {describe(pose)}")
         for remark in remarks(result):
             print(f"  Note: {remark}")
+        for name, layer in result.layers.items():
+            if layer is not result.textured:
+                print(f"  Layer {name}: {100 * layer.coverage:.1f} % of the surface covered")
         folder = result.project.output.folder.resolve()
         covered = f"{100 * result.textured.coverage:.1f} % of the surface covered"
         self._print(1.0, f"{covered}; written to {folder}")

@@ -9,6 +9,7 @@ import logging
 import struct
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -18,16 +19,17 @@ from ..core.errors import OutputError
 from ..core.files import output_error
 from ..core.jobs import Job, Progress, part
 from ..core.project import TexturedScan
+from ..core.project.models import layer_ending
 from ..core.report import Report, write_report_job
 from ..core.scans import Scan
 from ..core.texture import write_obj_job
-from .bridge.texture import read_gains
+from .bridge.texture import read_gains, show_layer
 from .bridge.world import read_offset
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """Which files to write: `folder / (name + ending)` each."""
+    """Which files to write: `folder / (name + ending)` each; models of every one of `layers`."""
 
     folder: Path
     name: str
@@ -35,6 +37,7 @@ class Wanted:
     obj: bool = True
     report: bool = True
     blend: bool = True
+    layers: tuple[str, ...] = ("",)
 
     def path(self, ending: str) -> Path:
         """Path of an output file."""
@@ -43,8 +46,10 @@ class Wanted:
     @property
     def paths(self) -> list[Path]:
         """Paths of all files that are wanted."""
-        endings = {".glb": self.glb, ".obj": self.obj, "_report.html": self.report, ".blend": self.blend}
-        return [self.path(ending) for ending, on in endings.items() if on]
+        models = {".glb": self.glb, ".obj": self.obj}
+        endings = [layer_ending(layer, e) for layer in self.layers for e, on in models.items() if on]
+        others = {"_report.html": self.report, ".blend": self.blend}
+        return [self.path(ending) for ending in [*endings, *(e for e, on in others.items() if on)]]
 
 
 def outputs_job(context: bpy.types.Context, wanted: Wanted, scan: Scan, report: Report) -> Job[list[Path]]:
@@ -54,13 +59,15 @@ def outputs_job(context: bpy.types.Context, wanted: Wanted, scan: Scan, report: 
     except OSError as error:
         raise output_error(wanted.folder, error) from error
     jobs: list[Callable[[], Job[Path]]] = []
-    if wanted.obj and report.textured is not None:
-        textured = report.textured
-        jobs.append(lambda: _obj_job(wanted.path(".obj"), scan, textured))
+    if wanted.obj:
+        for layer, textured in zip(wanted.layers, report.textures, strict=True):
+            path = wanted.path(layer_ending(layer, ".obj"))
+            jobs.append(partial(_obj_job, path, scan, textured))
     if wanted.report:
         jobs.append(lambda: write_report_job(report, wanted.path("_report.html")))
     if wanted.glb:
-        jobs.append(lambda: _glb_job(context, wanted.path(".glb")))
+        for layer in wanted.layers:
+            jobs.append(partial(_glb_job, context, wanted.path(layer_ending(layer, ".glb")), layer))
     if wanted.blend:
         jobs.append(lambda: _blend_job(wanted.path(".blend")))
     written = []
@@ -74,13 +81,13 @@ def _obj_job(path: Path, scan: Scan, textured: TexturedScan) -> Job[Path]:
     return write_obj_job(path, textured.vertices, textured.faces, selection, views, scan.offset)
 
 
-def _glb_job(context: bpy.types.Context, path: Path) -> Job[Path]:
-    """Write scan, texture and cameras as one binary glTF, by Blender's exporter."""
+def _glb_job(context: bpy.types.Context, path: Path, layer: str) -> Job[Path]:
+    """Write scan, texture of a layer and cameras as one binary glTF, by Blender's exporter."""
     yield Progress(0.0, f"Writing {path.name}")
     if not hasattr(bpy.types, "EXPORT_SCENE_OT_gltf"):
         raise OutputError(f"{path}: enable Blender's add-on “glTF 2.0 format” to write it.")
     temporary = path.with_name(f".{path.name}.part.glb")
-    with _fresco_selected(context), _quiet(), _told(path, temporary):
+    with _layer_shown(context.scene, layer), _fresco_selected(context), _quiet(), _told(path, temporary):
         bpy.ops.export_scene.gltf(
             filepath=str(temporary),
             export_format="GLB",
@@ -165,6 +172,20 @@ def _fresco_selected(context: bpy.types.Context) -> Iterator[None]:
     finally:
         for obj, selected in before:
             obj.select_set(selected)
+
+
+@contextlib.contextmanager
+def _layer_shown(scene: bpy.types.Scene, layer: str) -> Iterator[None]:
+    """Show a layer, for only what is shown is exported, and the one before after."""
+    before = scene.fresco.layer
+    if before == layer:
+        yield
+        return
+    show_layer(scene, layer)
+    try:
+        yield
+    finally:
+        show_layer(scene, before)
 
 
 @contextlib.contextmanager

@@ -149,9 +149,15 @@ def photo_uvs(selection: Selection, photos: list[FrescoPhoto]) -> FloatArray:
     return uvs
 
 
-def read_texture(scene: bpy.types.Scene) -> TexturedScan:
-    """Return the layer that the scan shows, as core takes it. Raises TextureError when there is none."""
-    obj, photos, layer = scene.fresco.scan, scene.fresco.photos, scene.fresco.layer
+def read_layers(scene: bpy.types.Scene) -> dict[str, TexturedScan]:
+    """Return all layers of the scan by their names. Raises TextureError when there is none."""
+    return {layer: read_texture(scene, layer) for layer in layer_names(scene.fresco.scan) or [""]}
+
+
+def read_texture(scene: bpy.types.Scene, layer: str | None = None) -> TexturedScan:
+    """Return a layer, or the one that the scan shows, as core takes it. Raises TextureError without one."""
+    obj, photos = scene.fresco.scan, scene.fresco.photos
+    layer = scene.fresco.layer if layer is None else layer
     mesh = obj.data
     values = {field: meshes.read_face_attribute(mesh, attribute_name(field, layer)) for field in MAPS}
     names = json.loads(mesh.get(PHOTOS_KEY + layer, "[]"))

@@ -10,12 +10,12 @@ import bpy
 from ...core.errors import OutputError
 from ...core.jobs import Job
 from ...core.project.provenance import fresco_version
-from ...core.project.surfaces import surface_regions
 from ...core.report import Report
 from ...core.scans import Scan
 from ..bridge.photos import read_photo, read_solution
+from ..bridge.regions import read_surfaces
 from ..bridge.scans import read_scan
-from ..bridge.texture import read_texture
+from ..bridge.texture import layer_names, read_layers
 from ..jobs import JobOperator
 from ..outputs import Wanted, outputs_job
 from .regions import has_scan
@@ -30,21 +30,26 @@ def wanted_outputs(scene: bpy.types.Scene) -> Wanted:
         raise OutputError("Choose a folder for the exported files.")
     folder = Path(bpy.path.abspath(export.folder))
     name = export.name.strip() or export.default_name(scene)
-    return Wanted(folder, name, export.write_glb, export.write_obj, export.write_report, export.write_blend)
+    layers = tuple(layer_names(scene.fresco.scan)) or ("",)
+    wanted = (export.write_glb, export.write_obj, export.write_report, export.write_blend)
+    return Wanted(folder, name, *wanted, layers)
 
 
 def scene_report(scene: bpy.types.Scene, scan: Scan, title: str) -> Report:
     """Return the report's contents from what the scene holds."""
     items = [photo for photo in scene.fresco.photos if photo.use and photo.camera_json]
+    layers = read_layers(scene)
+    first = next(iter(layers))
     return Report(
         title=title,
         scan=scan,
-        surfaces=surface_regions(scan, scan.face_sets),
+        surfaces=read_surfaces(scene),
         photos=[read_photo(scene, item) for item in items],
         poses=[read_solution(scene, item) for item in items],
-        textured=read_texture(scene),
+        textured=layers.pop(first),
         written=datetime.now(UTC).isoformat(timespec="seconds"),
         versions={"fresco": fresco_version(), "blender": bpy.app.version_string},
+        layers=layers,
     )
 
 

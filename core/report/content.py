@@ -24,8 +24,9 @@ class Report:
     """All that a report shows. Coordinates are local to the scan: world = local + `scan.offset`.
 
     `poses` has one result per photo; `surfaces` are the scan's regions by name; `textured` is None when only
-    poses were solved. `versions` and `seconds` are shown as they are. `truth` gives known poses by the
-    photo's name, (rotation, translation) in world coordinates, where errors shall be shown.
+    poses were solved. `layers` has the textures of further sets of photos by their name. `versions` and
+    `seconds` are shown as they are. `truth` gives known poses by the photo's name, (rotation, translation) in
+    world coordinates, where errors shall be shown.
     """
 
     title: str
@@ -38,6 +39,17 @@ class Report:
     versions: Mapping[str, str] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
     truth: Mapping[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
+    layers: Mapping[str, TexturedScan] = field(default_factory=dict)
+
+    @property
+    def textures(self) -> list[TexturedScan]:
+        """The texture and those of the further layers."""
+        return [] if self.textured is None else [self.textured, *self.layers.values()]
+
+    def texture_with(self, photo: str) -> TexturedScan | None:
+        """Return the texture that a photo took part in, else the first one."""
+        taking = (one for one in self.textures if any(view.name == photo for view in one.views))
+        return next(taking, self.textured)
 
 
 @dataclass(frozen=True)
@@ -87,23 +99,32 @@ def project_report(
         versions,
         result.seconds,
         truth or {},
+        {name: one for name, one in result.layers.items() if one is not result.textured},
     )
 
 
 def photo_rows(report: Report) -> list[PhotoRow]:
     """Numbers of every photo, in the order of `report.photos`."""
-    textured = report.textured
-    areas = np.zeros(0) if textured is None else face_areas(textured)
-    shifts = np.zeros(0, dtype=np.float32) if textured is None else texture_shift(textured)
-    photos = zip(report.photos, report.poses, strict=True)
-    return [_row(report, photo, result, areas, shifts) for photo, result in photos]
+    areas = np.zeros(0) if report.textured is None else face_areas(report.textured)  # all layers share a mesh
+    shifts = {id(textured): texture_shift(textured) for textured in report.textures}
+    rows = []
+    for photo, result in zip(report.photos, report.poses, strict=True):
+        textured = report.texture_with(photo.name)
+        shift = np.zeros(0, dtype=np.float32) if textured is None else shifts[id(textured)]
+        rows.append(_row(report, photo, result, textured, areas, shift))
+    return rows
 
 
 def _row(
-    report: Report, photo: Photo, result: PhotoPose, areas: FloatArray, shifts: Float32Array
+    report: Report,
+    photo: Photo,
+    result: PhotoPose,
+    textured: TexturedScan | None,
+    areas: FloatArray,
+    shifts: Float32Array,
 ) -> PhotoRow:
     pose, sure = result.pose, result.sure_pose
-    used = faces_of_photo(report.textured, photo.name)
+    used = faces_of_photo(textured, photo.name)
     rotation_error, centre_error = _errors(report, result)
     return PhotoRow(
         photo.name,
@@ -118,8 +139,8 @@ def _row(
         None if sure is None else 1000 * sure.centre_sigma,
         None if used is None else int(used.sum()),
         None if used is None else float(areas[used].sum()),
-        _texel_size(report.textured, used, areas),
-        _shift(report.textured, photo.name),
+        _texel_size(textured, used, areas),
+        _shift(textured, photo.name),
         rotation_error,
         centre_error,
         None if used is None else _in_mm(median_over_area(shifts[used], areas[used])),

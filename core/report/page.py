@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from html import escape
@@ -36,14 +36,16 @@ def page(
     photos: Sequence[Figure],
     model: Sequence[Figure],
     maps: Sequence[Figure],
+    layers: Mapping[str, Sequence[Figure]],
 ) -> str:
-    """Return the whole page as text; pictures are inside it."""
+    """Return the whole page as text; pictures are inside it, those of further layers by their name."""
     sections = [
         _header(report, rows),
         _problems(report, rows),
         _photo_table(rows),
         _gallery("The model", "", [_figure(figure) for figure in model]),
         _gallery("Maps", "", [_figure(figure) for figure in maps]),
+        *(_layer(report, name, figures) for name, figures in layers.items()),
         _gallery("Photos and their regions", _KEY, [_photo(f, r) for f, r in zip(photos, rows, strict=True)]),
         _method(report),
     ]
@@ -54,6 +56,14 @@ def page(
         f"<title>{title} – Fresco report</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n"
     )
     return head + "\n".join(section for section in sections if section) + "\n</main>\n</body>\n</html>\n"
+
+
+def _layer(report: Report, name: str, figures: Sequence[Figure]) -> str:
+    """Part of a further set of photos: how much it covers, its texture, its maps."""
+    textured = report.layers[name]
+    photos = ", ".join(escape(view.name) for view in textured.views)
+    told = f'<p class="soft">{100 * textured.coverage:.1f} % of the surface, from {photos}.</p>'
+    return _gallery(f"Layer “{escape(name)}”", told, [_figure(figure) for figure in figures])
 
 
 _KEY = (
@@ -99,7 +109,7 @@ def _header(report: Report, rows: Sequence[PhotoRow]) -> str:
 def _problems(report: Report, rows: Sequence[PhotoRow]) -> str:
     """What failed, why, and what to do; the sentences come from the stage that found it."""
     items = [_problem(row.name, row.status, row.failure) for row in rows if row.failure]
-    warnings = report.textured.selection.warnings if report.textured else []
+    warnings = [sentence for textured in report.textures for sentence in textured.selection.warnings]
     items += [f"<li>{escape(sentence)}</li>" for sentence in warnings]
     told = remarks_on([report.scan], report.photos, report.poses, report.surfaces)
     items += [f"<li>{escape(sentence)}</li>" for sentence in told]

@@ -40,6 +40,7 @@ class _Pictures:
     photos: list[Figure]
     model: list[Figure]
     maps: list[Figure]
+    layers: dict[str, list[Figure]]
 
 
 def write_report_job(result: ProjectResult | Report, path: Path | str) -> Job[Path]:
@@ -50,7 +51,7 @@ def write_report_job(result: ProjectResult | Report, path: Path | str) -> Job[Pa
     report = result if isinstance(result, Report) else project_report(result)
     pictures = yield from part(_pictures_job(report), 0.0, 0.95)
     yield Progress(0.95, "Writing the report")
-    text = page(report, photo_rows(report), pictures.photos, pictures.model, pictures.maps)
+    text = page(report, photo_rows(report), pictures.photos, pictures.model, pictures.maps, pictures.layers)
     with replacing(path) as file:
         file.write(text.encode())
     return Path(path)
@@ -69,9 +70,15 @@ def _pictures_job(report: Report) -> Job[_Pictures]:
         image = draw_photo(photo, result.pose, report.surfaces, width)
         photos.append(Figure(jpeg(image), image.shape[1], image.shape[0], photo.name))
     if report.textured is None:
-        return _Pictures(photos, [], [])
-    model, maps = yield from part(_model_job(report.textured), 0.4, 1.0)
-    return _Pictures(photos, model, maps)
+        return _Pictures(photos, [], [], {})
+    share = 0.6 / len(report.textures)
+    model, maps = yield from part(_model_job(report.textured), 0.4, 0.4 + share)
+    layers = {}
+    for number, (name, textured) in enumerate(report.layers.items(), 1):
+        start = 0.4 + share * number
+        textures, own = yield from part(_model_job(textured), start, start + share, f"{name}: ")
+        layers[name] = [*textures[1::2], *own]  # the plain scan is shown with the first texture
+    return _Pictures(photos, model, maps, layers)
 
 
 def _model_job(textured: TexturedScan) -> Job[tuple[list[Figure], list[Figure]]]:

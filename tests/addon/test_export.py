@@ -88,6 +88,28 @@ def test_glb_has_the_gains_of_the_photos_as_factors_up_to_one(textured, target, 
         np.testing.assert_allclose(factors[photos[number].name], [*(gain[number] / 1.25), 1])
 
 
+def test_every_layer_is_delivered(textured, target, module):
+    photos = textured.fresco.photos
+    photos[2].layer = "infrared"
+    bpy.ops.fresco.texture_scan()
+    textured.fresco.export.write_report = True
+    assert bpy.ops.fresco.export() == {"FINISHED"}
+    names = {path.name for path in target.iterdir()}
+    assert {"scan.glb", "scan_infrared.glb", "scan.obj", "scan_infrared.obj", "scan_report.html"} <= names
+    for ending, used in {"": {"wall 1", "wall 2"}, "_infrared": {"wall 3"}}.items():
+        content = glb_json(target / f"scan{ending}.glb")
+        textures = {m["name"] for m in content["materials"] if "Fresco" not in m["name"]}
+        assert textures and textures <= used
+        maps = content["meshes"][0]["primitives"]
+        shown = {
+            m["pbrMetallicRoughness"].get("baseColorTexture", {}).get("texCoord", 0)
+            for m in content["materials"]
+        }
+        assert all(f"TEXCOORD_{number}" in primitive["attributes"] for primitive in maps for number in shown)
+    assert textured.fresco.layer == "", "the window shows what it showed"
+    assert "Layer “infrared”" in (target / "scan_report.html").read_text()
+
+
 def test_glb_comes_back_as_it_was(textured, target):
     bpy.ops.fresco.export()
     before = len(textured.fresco.scan.data.polygons)
