@@ -5,16 +5,17 @@ from __future__ import annotations
 import colorsys
 import json
 import secrets
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import bpy
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ...core.arrays import ArrayLike, BoolArray, FloatArray, IndexArray, IntArray
+from ...core.errors import RegionError
 from ...core.photos import RegionMark
 from ...core.regions import ImageRegion, SurfaceRegion
+from ...core.regions.surface_files import FaceRegion, found_again, kept_regions
 from ..properties import FrescoPhoto, FrescoRegion
 from . import meshes
 from .images import load_mask, pack_mask
@@ -84,48 +85,37 @@ def count_faces(scene: bpy.types.Scene) -> None:
         region.revision = secrets.randbits(31)
 
 
-@dataclass(frozen=True, eq=False)
-class KeptFaces:
-    """Where regions lay on a scan that is being replaced: middles (F,3) m of its faces, true coordinates.
+def keep_faces(scene: bpy.types.Scene) -> list[FaceRegion]:
+    """Remember where the faces of all regions lie, in true coordinates; by the regions' names.
 
-    `inside` tells by the region's number which faces (F,) belong to it; `reach` (m) is the faces' usual size.
+    None are remembered of a mesh with faces of more than three corners: core does not know such regions.
     """
-
-    middle: FloatArray
-    reach: float
-    inside: Mapping[int, BoolArray]
-
-
-def keep_faces(scene: bpy.types.Scene) -> KeptFaces | None:
-    """Remember the faces of all regions before another scan takes the scan's place; None without any."""
     scan = scene.fresco.scan
     if scan is None or not meshes.is_triangulated(scan.data):
-        return None
-    inside = {r.uid: read_faces(scene, r) for r in scene.fresco.regions if r.face_count > 0}
-    if not inside:
-        return None
-    corners = meshes.read_vertices(scan)[meshes.read_faces(scan.data)]
-    size = float(np.median(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)))
-    return KeptFaces(corners.mean(axis=1) + read_offset(scene), size, inside)
+        return []
+    chosen = [(r.name, np.flatnonzero(read_faces(scene, r))) for r in scene.fresco.regions]
+    corners = meshes.read_vertices(scan) + read_offset(scene)
+    return kept_regions(corners, meshes.read_faces(scan.data), [pair for pair in chosen if len(pair[1])])
 
 
-def restore_faces(scene: bpy.types.Scene, kept: KeptFaces | None) -> None:
+def restore_faces(scene: bpy.types.Scene, kept: Sequence[FaceRegion]) -> list[str]:
     """Give regions that a new scan does not have itself the faces that lie where theirs were.
 
-    A face belongs to a region when the nearest one of the earlier scan did, no farther than a face's width.
+    Returns a sentence for every region that is not there.
     """
-    if kept is None:
-        return
-    bare = [r for r in scene.fresco.regions if not r.is_on_scan and r.uid in kept.inside]
+    bare = [region for region in kept if not scene.fresco.region_named(region.name).is_on_scan]
     if not bare:
-        return
-    scan = scene.fresco.scan
-    corners = meshes.read_vertices(scan)[meshes.read_faces(scan.data)]
-    gap, nearest = cKDTree(kept.middle).query(corners.mean(axis=1) + read_offset(scene))
+        return []
+    scan, lost = scene.fresco.scan, []
+    corners, triangles = meshes.read_vertices(scan) + read_offset(scene), meshes.read_faces(scan.data)
     for region in bare:
-        inside = (gap < kept.reach) & kept.inside[region.uid][nearest]
-        if inside.any():
-            write_faces(scene, region, inside)
+        try:
+            faces = found_again(region, corners, triangles)
+        except RegionError as error:
+            lost.append(str(error))
+        else:
+            write_face_set(scene, scene.fresco.region_named(region.name), faces)
+    return lost
 
 
 def remove_region(scene: bpy.types.Scene, index: int) -> None:

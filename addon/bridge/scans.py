@@ -36,10 +36,10 @@ def show_scan(
     write_offset(context.scene, scan.offset)
     fresco.scan = obj
     fresco.scan_path = str(scan.path or "")
-    fresco.scan_report = "\n".join(scan.report)
     fresco.texture_report = fresco.texture_warnings = ""
     regions.write_face_sets(context.scene, scan.face_sets if region_faces is None else region_faces)
-    regions.restore_faces(context.scene, kept)
+    lost = regions.restore_faces(context.scene, kept)
+    fresco.scan_report = "\n".join([*scan.report, *lost])
     context.view_layer.objects.active = obj
     return obj
 

@@ -18,6 +18,7 @@ from ...core.jobs import Job, Progress, part
 from ...core.regions.surface_index import SurfaceIndex, index_surface_job
 from ...core.regions.wand import PhotoWand, prepare_wand_job
 from ..bridge import meshes
+from ..bridge.colours import read_scan_colours
 from ..bridge.world import matrix_to_array
 from ..properties import FrescoPhoto
 from .background import Preparation, Signature
@@ -124,7 +125,7 @@ def prepare_scan(scan: bpy.types.Object) -> Preparation[PreparedScan]:
     if not _usable(STORE.scan, signature):
         if STORE.scan is not None:
             STORE.scan.stop()
-        data = meshes.read_vertices(scan), meshes.read_faces(scan.data), read_colours(scan.data)
+        data = meshes.read_vertices(scan), meshes.read_faces(scan.data), read_scan_colours(scan.data)[0]
         STORE.scan = Preparation(signature, _scan_job(*data))
     return STORE.scan
 
@@ -132,16 +133,6 @@ def prepare_scan(scan: bpy.types.Object) -> Preparation[PreparedScan]:
 def scan_job(scan: bpy.types.Object) -> Job[PreparedScan]:
     """Wait until a scan is ready; done at once when it is."""
     return prepare_scan(scan).wait_job()
-
-
-def read_colours(mesh: bpy.types.Mesh) -> ByteArray | None:
-    """Colours per vertex (V,3), sRGB, of a scan that has them."""
-    attribute = mesh.color_attributes.active_color
-    if attribute is None or attribute.domain != "POINT":
-        return None
-    colours = np.empty(4 * len(mesh.vertices), dtype=np.float32)
-    attribute.data.foreach_get("color_srgb", colours)
-    return np.clip(colours.reshape(-1, 4)[:, :3] * 255 + 0.5, 0, 255).astype(np.uint8)
 
 
 def face_mask(faces: ArrayLike, count: int) -> BoolArray:

@@ -239,6 +239,8 @@ def pose_advice(
 
 
 def _metric(length: float) -> str:
+    if length < 0.001:
+        return "less than 1 mm"
     if length < 0.02:
         return f"{length * 1000:.0f} mm"
     return f"{length * 100:.0f} cm" if length < 2 else f"{length:.1f} m"

@@ -119,8 +119,9 @@ def checked_selection(mask: BoolArray, least: int = 16) -> BoolArray:
     """The mask itself; raises RegionError when it has fewer than `least` pixels."""
     count = int(np.count_nonzero(mask))
     if count < least:
+        pixels = "1 pixel" if count == 1 else f"{count} pixels"
         raise RegionError(
-            f"The region has only {count} pixels; it needs at least {least} to have an outline. "
+            f"The region has only {pixels}; it needs at least {least} to have an outline. "
             "Zoom in and mark a larger patch."
         )
     return mask
