@@ -161,6 +161,10 @@ class ProgressPrinter:
         for name, layer in result.layers.items():
             if layer is not result.textured:
                 print(f"  Layer {name}: {100 * layer.coverage:.1f} % of the surface covered")
+        for name, chart in result.charts.items():
+            print(f"  Colour chart{f' of {name}' if name else ''} in {chart.photo}: {chart.told}")
+        for name, model in result.simplified.items():
+            print(f"  Simplified model{f' of {name}' if name else ''}: {model.told}")
         folder = result.project.output.folder.resolve()
         covered = f"{100 * result.textured.coverage:.1f} % of the surface covered"
         self._print(1.0, f"{covered}; written to {folder}")

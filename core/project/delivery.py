@@ -14,8 +14,11 @@ from ..files import replacing
 from ..jobs import Job, Progress, part
 from ..settings import AtlasSettings
 from ..texture import Atlas, SeamLevels, bake_atlas_job, level_seams_job
+from ..texture.colour_correction import ColourCorrection
 from ..texture.colours import Colours, colour_vertices_job
+from ..texture.images import to_bytes, to_linear, to_srgb
 from ..texture.selection import Selection
+from ..texture.surface import Mesh
 from .textures import TexturedScan
 
 _ROWS = 20_000
@@ -50,12 +53,19 @@ class BakedAtlas:
 
 
 def bake_job(
-    folder: Path, name: str, textured: TexturedScan, settings: DeliverySettings, offset: FloatArray
+    folder: Path,
+    name: str,
+    textured: TexturedScan,
+    settings: DeliverySettings,
+    offset: FloatArray,
+    detail: Mesh | None = None,
+    correction: ColourCorrection | None = None,
 ) -> Job[BakedAtlas]:
     """Bake a textured scan into pages beside a model: `folder/name.obj`, `.mtl`, `name.1001.png`, ...
 
     Vertices are written as `vertices + offset` (m). Every page has its own material with UVs from 0 to 1,
-    which every program opens. Raises TextureError, PhotoError, OutputError.
+    which every program opens. `detail` and `correction` as for `bake_atlas_job`. Raises TextureError,
+    PhotoError, OutputError.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -63,8 +73,9 @@ def bake_job(
         raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from error
     selection, levels = yield from part(corrected_job(textured, settings), 0.0, 0.2)
     atlas_settings = replace(settings.atlas, blend_rings=0) if settings.untouched else settings.atlas
+    mesh = textured.vertices, textured.faces
     bake = bake_atlas_job(
-        folder, name, textured.vertices, textured.faces, selection, textured.views, atlas_settings, levels
+        folder, name, *mesh, selection, textured.views, atlas_settings, levels, detail, correction
     )
     atlas: Atlas = yield from part(bake, 0.2, 0.9)
     uv = atlas.udim - np.floor(np.nanmin(atlas.udim, axis=1, keepdims=True))
@@ -73,12 +84,17 @@ def bake_job(
     return BakedAtlas(path, atlas, uv)
 
 
-def colour_job(textured: TexturedScan, settings: DeliverySettings) -> Job[Colours]:
-    """Colours of a textured scan's vertices. Raises PhotoError."""
+def colour_job(
+    textured: TexturedScan, settings: DeliverySettings, correction: ColourCorrection | None = None
+) -> Job[Colours]:
+    """Colours of a textured scan's vertices, made true by a `correction`. Raises PhotoError."""
     selection, levels = yield from part(corrected_job(textured, settings), 0.0, 0.4)
     job = colour_vertices_job(textured.vertices, textured.faces, selection, textured.views, levels)
     colours: Colours = yield from part(job, 0.4, 1.0)
-    return colours
+    if correction is None:
+        return colours
+    true = to_bytes(to_srgb(correction.apply(to_linear(colours.rgb))))
+    return replace(colours, rgb=np.where(colours.seen[:, None], true, colours.rgb))
 
 
 def corrected_job(

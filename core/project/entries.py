@@ -13,10 +13,12 @@ from typing import Literal
 from ..arrays import FloatArray
 from ..photos.photo import Photo
 from ..settings import PoseSettings, ScanSettings, TextureSettings
+from .colour_chart import ColourChartEntry
 from .delivery import DeliverySettings
 from .imported import ImportedCameras
 from .point_poses import Picks, PointsEntry
 from .refinement import RefineSettings
+from .simplified import SimplifySettings
 
 Use = Literal["texture", "pose", "none"]
 
@@ -116,3 +118,5 @@ class Project:
     cameras: ImportedCameras | None = None
     atlas: DeliverySettings | None = None
     points: PointsEntry | None = None
+    simplify: SimplifySettings | None = None
+    charts: tuple[ColourChartEntry, ...] = ()

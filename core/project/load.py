@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Any, cast, get_args
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from ..settings import (
     ScanSettings,
     TextureSettings,
 )
+from ..texture.colour_correction import Method
+from .colour_chart import ColourChartEntry
 from .delivery import DeliverySettings
 from .entries import LabelSource, OutputEntry, Project, RegionEntries, ScanEntry
 from .exported import FORMATS
@@ -27,7 +29,8 @@ from .photos import read_photos
 from .point_poses import MARKERS, PointsEntry
 from .refinement import RefineSettings
 from .settings import read_settings
-from .table import Table
+from .simplified import SimplifySettings
+from .table import Table, hint
 
 VERSION = 1
 """Version of the file format that this code reads (`fresco = 1`)."""
@@ -61,7 +64,10 @@ def load_project(path: Path | str) -> Project:
         cameras=cameras,
         atlas=_atlas(root),
         points=_points(root, any(entry.picks for entry in photos)),
+        simplify=_simplify(root),
+        charts=_charts(root),
     )
+    _check_charts(root, project)
     root.finish()
     return project
 
@@ -115,6 +121,58 @@ def _atlas(root: Table) -> DeliverySettings | None:
     table = root.table("atlas")
     level, untouched = table.flag("level", True), table.flag("untouched", False)
     return DeliverySettings(_settings(table, AtlasSettings), level, untouched)
+
+
+def _simplify(root: Table) -> SimplifySettings | None:
+    """How far to simplify, None when no simplified model is asked for."""
+    if "simplify" not in root:
+        return None
+    table = root.table("simplify")
+    if ("faces" in table) == ("tolerance_mm" in table):
+        table.fail("faces", "give either faces, how many are left, or tolerance_mm, how far they may deviate")
+    faces = int(table.number("faces", 4)) if "faces" in table else None
+    tolerance = table.number("tolerance_mm", 0.001) / 1000 if "tolerance_mm" in table else None
+    table.finish()
+    return SimplifySettings(faces, tolerance)
+
+
+def _charts(root: Table) -> tuple[ColourChartEntry, ...]:
+    """Colour charts: [colour_chart], or a [[colour_chart]] for each layer."""
+    key = "colour_chart"
+    tables = root.tables(key) if isinstance(root.get(key), list) else [root.table(key)] if key in root else []
+    return tuple(_chart(table) for table in tables)
+
+
+def _chart(table: Table) -> ColourChartEntry:
+    corners = None
+    if "corners" in table:
+        rows = table.matrix("corners", 4, 2)
+        corners = tuple((u, v) for u, v in rows)
+    layer, method = table.text("layer", ""), table.choice("method", get_args(Method), "matrix")
+    entry = ColourChartEntry(table.path("photo"), layer, corners, cast("Method", method))
+    table.finish()
+    return entry
+
+
+def _check_charts(root: Table, project: Project) -> None:
+    """Refuse charts that nothing would use."""
+    layers = [chart.layer for chart in project.charts]
+    for layer in layers:
+        known = {entry.layer for entry in project.photos}
+        if layer not in known or layers.count(layer) > 1:
+            reason = (
+                "has two charts" if layer in known else f"is of no photo{hint(layer, filter(None, known))}"
+            )
+            root.fail("colour_chart.layer", f"“{layer}” {reason}")
+    baked = project.atlas is not None or project.simplify is not None or project.output.colours
+    if layers and not baked:
+        root.fail(
+            "colour_chart",
+            "changes no original photo, only what is baked from them: ask for [atlas], [simplify], or "
+            "colours in [output]",
+        )
+    if layers and project.atlas is not None and project.atlas.untouched:
+        root.fail("colour_chart", "contradicts untouched = true in [atlas]; leave one of them out")
 
 
 def _optional(table: Table, key: str, kind: type[Any]) -> Any:

@@ -69,6 +69,7 @@ def provenance(
             "pose": dataclasses.asdict(project.pose),
             "refine": dataclasses.asdict(project.refine),
             "texture": dataclasses.asdict(project.texture),
+            "simplify": None if project.simplify is None else dataclasses.asdict(project.simplify),
         },
         "scan": {
             "faces": len(scan.faces),

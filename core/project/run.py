@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..arrays import IntArray
-from ..errors import FrescoError, PoseNotFound, ProjectError
+from ..errors import FrescoError, PhotoError, PoseNotFound, ProjectError
 from ..files import replacing
 from ..jobs import Job, Progress, drain, part
 from ..photos.image import check_complete
@@ -21,6 +21,7 @@ from ..regions.surface_region import SurfaceRegion
 from ..scans.read import read_scan_job
 from ..scans.scan import Scan
 from ..settings import ScanSettings
+from .colour_chart import ChartResult, read_chart_job
 from .digest import file_digest
 from .entries import PhotoEntry, Project
 from .exported import cameras_path, solved_cameras, write_cameras
@@ -31,6 +32,7 @@ from .point_poses import PointsEntry, solve_points_job
 from .poses import solve_poses_job
 from .provenance import local_translation, provenance, write_photo_per_face, write_provenance
 from .refinement import RefineSettings, refine_poses_job, view_of
+from .simplified import SimplifiedModel
 from .store import Store
 from .surfaces import check_partners, region_faces, surface_regions
 from .telephoto import pose_telephoto_job
@@ -46,7 +48,8 @@ class ProjectResult:
     `poses` has one result per photo of `project.photos`; `region_faces` the scan's faces of every region;
     `provenance` is what the JSON file beside the output says; `seconds` the time of every stage. `layers` has
     the texture of every set of photos by its name; `textured` is that of the photos without a `layer`, else
-    the first one.
+    the first one. `charts` has the colour chart of every layer that names one, `simplified` the layers'
+    simplified models.
     """
 
     project: Project
@@ -59,6 +62,8 @@ class ProjectResult:
     seconds: dict[str, float]
     occluders: tuple[Scan, ...] = ()
     layers: dict[str, TexturedScan] = field(default_factory=dict)
+    charts: dict[str, ChartResult] = field(default_factory=dict)
+    simplified: dict[str, SimplifiedModel] = field(default_factory=dict)
 
     @property
     def photos(self) -> list[Photo]:
@@ -81,7 +86,8 @@ def run_project_job(project: Project, versions: Mapping[str, str] | None = None)
     """
     clock: dict[str, float] = {}
     _check_texturable(project)
-    digests = yield from part(_timed(check_inputs_job(project), clock, "check"), 0.0, 0.05)
+    digests = yield from part(_timed(check_inputs_job(project), clock, "check"), 0.0, 0.04)
+    charts = yield from part(_charts_job(project), 0.04, 0.05)
     scan, occluders = yield from part(_timed(read_scans_job(project), clock, "scan"), 0.05, 0.15)
     faces = region_faces(project, scan)
     check_partners(project.path, project.photos, faces)
@@ -95,16 +101,31 @@ def run_project_job(project: Project, versions: Mapping[str, str] | None = None)
     texture_job = _texture_job(project, scan, poses, occluders, store)
     layers = yield from part(_timed(texture_job, clock, "texture"), 0.55, 0.9)
     textured = layers.get("") or next(iter(layers.values()))
-    yield from part(_timed(models_job(project, scan, layers, store), clock, "models"), 0.9, 1.0)
+    models = models_job(project, scan, layers, store, charts, occluders)
+    simplified = yield from part(_timed(models, clock, "models"), 0.9, 1.0)
     for file_format in project.output.cameras:
         path = cameras_path(project.output.folder, project.output.name, file_format)
         write_cameras(path, solved_cameras([e.photo for e in project.photos], poses, scan), file_format)
     record = provenance(project, digests, scan, poses, textured, clock, layers, versions or {})
+    record["colour_charts"] = {name: chart.told for name, chart in charts.items()}
+    record["simplified"] = {name: model.told for name, model in simplified.items()}
     for name, of_layer in layers.items():
         write_photo_per_face(output_path(project, layer_ending(name, "_faces.npz")), scan, of_layer)
     write_provenance(output_path(project, "_provenance.json"), record)
     hiding = tuple(occluders)
-    return ProjectResult(project, scan, faces, surfaces, poses, textured, record, clock, hiding, layers)
+    found = (layers, charts, simplified)
+    return ProjectResult(project, scan, faces, surfaces, poses, textured, record, clock, hiding, *found)
+
+
+def _charts_job(project: Project) -> Job[dict[str, ChartResult]]:
+    """Read the colour chart of every layer; one that is not found is refused before anything is computed."""
+    found = {}
+    for entry in project.charts:
+        try:
+            found[entry.layer] = yield from read_chart_job(entry)
+        except PhotoError as error:
+            raise ProjectError(project.path, "colour_chart", str(error)) from error
+    return found
 
 
 def _check_texturable(project: Project) -> None:
@@ -139,6 +160,7 @@ def check_inputs_job(project: Project) -> Job[dict[Path, str]]:
     """
     digests: dict[Path, str] = {}
     others = [project.path, project.scan.path, *project.scan.occluders, *_camera_files(project)]
+    others += [chart.photo for chart in project.charts]
     others += [project.points.path] if project.points is not None else []
     for path in [*others, *(source.path for source in project.regions.labels)]:
         yield Progress(0.0, f"Checking {path.name}")

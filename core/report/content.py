@@ -24,9 +24,9 @@ class Report:
     """All that a report shows. Coordinates are local to the scan: world = local + `scan.offset`.
 
     `poses` has one result per photo; `surfaces` are the scan's regions by name; `textured` is None when only
-    poses were solved. `layers` has the textures of further sets of photos by their name. `versions` and
-    `seconds` are shown as they are. `truth` gives known poses by the photo's name, (rotation, translation) in
-    world coordinates, where errors shall be shown.
+    poses were solved. `layers` has the textures of further sets of photos by their name, `made` sentences on
+    what was made of them. `versions` and `seconds` are shown as they are. `truth` gives known poses by the
+    photo's name, (rotation, translation) in world coordinates, where errors shall be shown.
     """
 
     title: str
@@ -40,6 +40,7 @@ class Report:
     seconds: Mapping[str, float] = field(default_factory=dict)
     truth: Mapping[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
     layers: Mapping[str, TexturedScan] = field(default_factory=dict)
+    made: Sequence[str] = ()
 
     @property
     def textures(self) -> list[TexturedScan]:
@@ -100,7 +101,20 @@ def project_report(
         result.seconds,
         truth or {},
         {name: one for name, one in result.layers.items() if one is not result.textured},
+        _made(result),
     )
+
+
+def _made(result: ProjectResult) -> list[str]:
+    """Sentences on colour charts and simplified models."""
+    return [
+        *(f"Colour chart{_of(n)} in {chart.photo}: {chart.told}." for n, chart in result.charts.items()),
+        *(f"Simplified model{_of(n)}: {model.told}." for n, model in result.simplified.items()),
+    ]
+
+
+def _of(layer: str) -> str:
+    return f" of {layer}" if layer else ""
 
 
 def photo_rows(report: Report) -> list[PhotoRow]:

@@ -253,6 +253,7 @@ def _css(colour: Iterable[int]) -> str:
 def _method(report: Report) -> str:
     times = ", ".join(f"{escape(name)} {value:.1f} s" for name, value in report.seconds.items())
     timed = f"<p>Time: {times}.</p>" if times else ""
+    timed = "".join(f"<p>{escape(sentence)}</p>" for sentence in report.made) + timed
     versions = ", ".join(f"{escape(name)} {escape(value)}" for name, value in report.versions.items())
     return (
         f"<section><h2>How it was made</h2>{timed}"
