@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import bpy
+import numpy as np
 
 from ...core.arrays import ByteArray, IntArray
+from ...core.cameras import PerspectiveCamera
+from ...core.errors import ProjectError
 from ...core.jobs import Job, part
 from ...core.photos import Photo
 from ...core.project import Project, ProjectResult
@@ -20,6 +24,7 @@ from . import photos, points, regions, scans
 from .images import load_mask
 from .previews import preview_job
 from .texture import show_layers
+from .world import read_offset
 
 Previews = Mapping[str, ByteArray | None]
 
@@ -65,6 +70,7 @@ def show_project(context: bpy.types.Context, opened: OpenedProject) -> None:
     project, fresco = opened.project, context.scene.fresco
     clear_scene(context.scene)
     scans.show_scan(context, opened.scan, opened.region_faces)
+    show_openings(context.scene, project, opened.scan)
     scans.show_occluders(context, opened.occluders)
     for entry in project.photos:
         item = show_photo(context, entry.photo, opened.previews[entry.photo.name])
@@ -78,6 +84,7 @@ def show_project(context: bpy.types.Context, opened: OpenedProject) -> None:
     from_core(fresco.pose, project.pose)
     from_core(fresco.edges, project.refine.edges or EdgeSettings())
     from_core(fresco.joint, project.refine.joint or JointSettings())
+    fresco.compare.lenses = project.refine.lenses
     from_core(fresco.texture, project.texture)
     show_points(context.scene, project, opened.scan)
     delivery = project.atlas or DeliverySettings()
@@ -88,6 +95,77 @@ def show_project(context: bpy.types.Context, opened: OpenedProject) -> None:
     fresco.export.write_glb, fresco.export.write_obj = output.glb, output.obj
     fresco.export.write_report, fresco.export.write_blend = output.report, output.blend
     fresco.photo_index = 0
+
+
+def show_openings(scene: bpy.types.Scene, project: Project, scan: Scan) -> None:
+    """Put a project's regions without faces into the list: openings, and those marked in photos only."""
+    for name, surface in opening_regions(project, scan).items():
+        regions.write_opening(scene, regions.named_region(scene, name), surface)
+    for name in project.regions.unplaced:
+        regions.named_region(scene, name)
+
+
+def read_project(scene: bpy.types.Scene, path: Path) -> Project:
+    """Return the scene as a project that is to be written to `path`; `ProjectError` if it cannot be one.
+
+    Regions that have faces are not in it: `regions.keep_faces` tells where they lie.
+    """
+    fresco = scene.fresco
+    if fresco.scan is None or not fresco.scan_path:
+        raise ProjectError(path, "scan.path", "the scan was not read from a file: export it and import that")
+    if not any(photo.use and photo.camera_json for photo in fresco.photos):
+        raise ProjectError(path, "photo", "no photo is in use and calibrated: set the calibration first")
+    survey = PointsEntry(path, settings=to_core(fresco.point_settings, PointSettings))
+    return Project(
+        path=path,
+        scan=ScanEntry(Path(fresco.scan_path), to_core(fresco.scan_settings, ScanSettings)),
+        regions=_region_entries(scene),
+        photos=tuple(_photo_entry(scene, item) for item in fresco.photos),
+        pose=to_core(fresco.pose, PoseSettings),
+        up=None,
+        refine=RefineSettings(),
+        texture=to_core(fresco.texture, TextureSettings),
+        output=_output_entry(scene, path),
+        points=survey if len(fresco.points) else None,
+    )
+
+
+def _region_entries(scene: bpy.types.Scene) -> RegionEntries:
+    offset, outlines, unplaced = read_offset(scene), {}, []
+    for region in scene.fresco.regions:
+        if region.opening_json:
+            corners, triangles = regions.read_opening(scene, region)
+            outlines[region.name] = SurfaceRegion(corners, triangles, region.name).loops[0] + offset
+        elif not region.is_on_scan:
+            unplaced.append(region.name)
+    return RegionEntries(outlines=outlines, unplaced=tuple(unplaced))
+
+
+def _photo_entry(scene: bpy.types.Scene, item: photos.FrescoPhoto) -> PhotoEntry:
+    if not item.use or not item.camera_json:
+        camera = PerspectiveCamera(1, 1, np.eye(3))
+        return PhotoEntry(Photo(Path(item.path), item.name, camera), use="none")
+    pose = None
+    if item.state == "GIVEN":
+        rotation, translation, _ = photos.read_pose(scene, item)
+        pose = rotation, translation - rotation @ read_offset(scene)
+    return PhotoEntry(
+        photos.read_photo(scene, item),
+        use="texture" if item.use_texture else "pose",
+        pose=pose,
+        refine=not item.hold,
+        layer=item.layer,
+        priority=item.priority,
+        picks=points.read_picks(item),
+    )
+
+
+def _output_entry(scene: bpy.types.Scene, path: Path) -> OutputEntry:
+    export = scene.fresco.export
+    beside_blend = export.folder.startswith("//") and not bpy.data.filepath
+    folder = path.parent / "output" if beside_blend else Path(bpy.path.abspath(export.folder))
+    wanted = export.write_blend, export.write_glb, export.write_obj, export.write_report
+    return OutputEntry(folder, export.name.strip() or path.stem, *wanted)
 
 
 def show_points(scene: bpy.types.Scene, project: Project, scan: Scan) -> None:

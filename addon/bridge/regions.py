@@ -178,6 +178,12 @@ def opening_to_json(scan: bpy.types.Object, surface: SurfaceRegion) -> str:
     return json.dumps({"corners": corners.tolist(), "triangles": surface.faces.tolist()})
 
 
+def write_opening(scene: bpy.types.Scene, region: FrescoRegion, surface: SurfaceRegion) -> None:
+    """Make a region an opening, given in Blender's world, metres."""
+    region.opening_json = opening_to_json(scene.fresco.scan, surface)
+    region.revision = secrets.randbits(31)
+
+
 def read_opening(scene: bpy.types.Scene, region: FrescoRegion) -> tuple[FloatArray, IndexArray]:
     """Corners (n,3) in Blender's world, metres, and triangles (m,3) of a region that is an opening."""
     return opening_in_world(scene.fresco.scan, region.opening_json)
@@ -243,8 +249,9 @@ def write_mark(photo: FrescoPhoto, region: FrescoRegion, mark: RegionMark, size:
     item = photo.mark(region.uid) or photo.marks.add()
     item.region_id = region.uid
     item.image = image
-    if mark.hidden is not None:
-        write_hidden(photo, region, mark.hidden)
+    hidden = mark.read_hidden(*size)
+    if hidden is not None:
+        write_hidden(photo, region, hidden)
 
 
 def write_hidden(photo: FrescoPhoto, region: FrescoRegion, hidden: BoolArray) -> None:

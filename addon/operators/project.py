@@ -1,7 +1,8 @@
-"""Open a project file in the window: the same file that runs without one."""
+"""Open and save a project file in the window: the same file that runs without one."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -9,10 +10,16 @@ import bpy
 from ...core.jobs import Job, part
 from ...core.project import Project, load_project
 from ...core.project.run import check_inputs_job, read_scans_job
+from ...core.project.save import save_project_job
 from ...core.project.surfaces import check_partners, region_faces
-from ..bridge.projects import OpenedProject, previews_job, show_project
+from ..bridge.points import read_points
+from ..bridge.projects import OpenedProject, previews_job, read_project, show_project
+from ..bridge.regions import keep_faces
+from ..bridge.scans import occluder_objects
+from ..bridge.world import read_offset
 from ..jobs import JobOperator
 from ..preferences import preview_size
+from .regions import has_scan
 
 
 def open_project_job(project: Project, size: int) -> Job[OpenedProject]:
@@ -20,7 +27,7 @@ def open_project_job(project: Project, size: int) -> Job[OpenedProject]:
     yield from part(check_inputs_job(project), 0.0, 0.3)
     scan, occluders = yield from part(read_scans_job(project), 0.3, 0.6)
     faces = region_faces(project, scan)
-    check_partners(project.path, project.photos, faces)
+    check_partners(project, [*faces, *project.regions.outlines])
     previews = yield from part(previews_job(project, size), 0.6, 1.0)
     return OpenedProject(project, scan, faces, previews, occluders)
 
@@ -54,6 +61,50 @@ class FRESCO_OT_open_project(JobOperator):
         self.report({"INFO"}, f"{len(result.project.photos)} photos, {len(result.region_faces)} regions")
 
 
+class FRESCO_OT_save_project(JobOperator):
+    bl_idname = "fresco.save_project"
+    bl_label = "Save Project"
+    bl_description = (
+        "Write scan, photos, regions and settings to a project file, which fresco run takes; marks that are "
+        "in no file yet become masks beside it"
+    )
+    step = "scan"
+
+    filepath: bpy.props.StringProperty(name="File", subtype="FILE_PATH", options={"SKIP_SAVE"})
+    filter_glob: bpy.props.StringProperty(default="*.toml", options={"HIDDEN"})
+    check_existing: bpy.props.BoolProperty(default=True, options={"HIDDEN"})
+
+    @classmethod
+    def ready(cls, context: bpy.types.Context) -> bool:
+        if not has_scan(cls, context):
+            return False
+        cls.poll_message_set("Import photos first (step 2), and leave Edit Mode")
+        return len(context.scene.fresco.photos) > 0 and context.mode == "OBJECT"
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if self.filepath:
+            return super().invoke(context, event)
+        self.filepath = f"{context.scene.fresco.export.default_name(context.scene)}.toml"
+        return self.choose_file(context)
+
+    def start(self, context: bpy.types.Context) -> Job[None]:
+        scene = context.scene
+        self.written = Path(bpy.path.abspath(self.filepath)).with_suffix(".toml")
+        project = read_project(scene, self.written)
+        survey = read_points(scene)
+        survey = replace(survey, points=survey.points + read_offset(scene))
+        return save_project_job(project, keep_faces(scene), survey)
+
+    def finish(self, context: bpy.types.Context, result: None) -> None:
+        left_out = [obj.name for obj in occluder_objects(context.scene)]
+        if left_out:
+            names = ", ".join(left_out)
+            self.warn(
+                context, f"Occluders are not in the project file; export them and name them there: {names}"
+            )
+        self.report({"INFO"}, f"{self.written} written")
+
+
 class FRESCO_FH_project(bpy.types.FileHandler):
     bl_idname = "FRESCO_FH_project"
     bl_label = "Fresco project"
@@ -65,4 +116,4 @@ class FRESCO_FH_project(bpy.types.FileHandler):
         return context.area is not None and context.area.type == "VIEW_3D"
 
 
-CLASSES = (FRESCO_OT_open_project, FRESCO_FH_project)
+CLASSES = (FRESCO_OT_open_project, FRESCO_OT_save_project, FRESCO_FH_project)

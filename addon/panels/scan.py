@@ -28,6 +28,7 @@ class FRESCO_PT_scan(StepPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("fresco.import_scan", icon="IMPORT")
         row.operator("fresco.open_project", text="", icon="FILE_FOLDER")
+        row.operator("fresco.save_project", text="", icon="FILE_TICK")
         column = layout.column()
         column.prop(fresco, "scan", text="")
         if fresco.scan is None:

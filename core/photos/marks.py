@@ -16,6 +16,7 @@ import numpy as np
 
 from ..arrays import AnyArray, BoolArray, FloatArray
 from ..errors import RegionError
+from ..geometry.outlines import fill_loops
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +24,8 @@ class RegionMark:
     """The mark of region `name` in one photo: one of a mask file, a mask (H,W), a polygon.
 
     A polygon is its `outline` (n,2) and `holes`, in pixels; the centre of the top-left pixel is (0, 0).
-    `hidden` (H,W) is true where something stands before the region: its outline is a guess there.
+    `hidden` (H,W), or the mask file `hidden_path`, is true where something stands before the region: its
+    outline is a guess there.
     """
 
     name: str
@@ -32,6 +34,7 @@ class RegionMark:
     outline: FloatArray | None = None
     holes: tuple[FloatArray, ...] = ()
     hidden: BoolArray | None = None
+    hidden_path: Path | None = None
 
     def read_mask(self, width: int, height: int) -> BoolArray | None:
         """Mask (H,W) of the mark, None for a polygon; raises RegionError when it does not fit the photo."""
@@ -42,6 +45,14 @@ class RegionMark:
             raise RegionError(f"Region “{self.name}” has neither mask nor polygon.")
         check_mask(mask, width, height, str(self.path or self.name))
         check_outline(mask, str(self.path or self.name))
+        return mask
+
+    def read_hidden(self, width: int, height: int) -> BoolArray | None:
+        """Mask (H,W) of what stands before the region or None; RegionError when it does not fit the photo."""
+        if self.hidden_path is None:
+            return self.hidden
+        mask = read_mask(self.hidden_path)
+        check_mask(mask, width, height, str(self.hidden_path))
         return mask
 
 
@@ -125,7 +136,9 @@ def read_polygons(path: Path | str) -> dict[str, RegionMark]:
     """Polygons from a GeoJSON feature collection, by name.
 
     Every feature has `properties.name` and a `Polygon` geometry: outline, then holes, each a list of (u, v)
-    in pixels with (0, 0) at the centre of the top-left pixel. Raises RegionError for anything else.
+    in pixels with (0, 0) at the centre of the top-left pixel. What stands before it may be given beside the
+    geometry in `hidden`, a list of rings; the collection then tells the photo's `width` and `height`. Raises
+    RegionError for anything else.
     """
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
@@ -138,14 +151,15 @@ def read_polygons(path: Path | str) -> dict[str, RegionMark]:
         raise RegionError(f"{path}: not a GeoJSON feature collection (no “features”)")
     marks: dict[str, RegionMark] = {}
     for number, feature in enumerate(features):
-        mark = _polygon(feature, f"{path}: feature {number}")
+        size = content.get("width"), content.get("height")
+        mark = _polygon(feature, size, f"{path}: feature {number}")
         if mark.name in marks:
             raise RegionError(f"{path}: region “{mark.name}” is there twice")
         marks[mark.name] = mark
     return marks
 
 
-def _polygon(feature: Any, where: str) -> RegionMark:
+def _polygon(feature: Any, size: tuple[Any, Any], where: str) -> RegionMark:
     properties = feature.get("properties") if isinstance(feature, dict) else None
     geometry = feature.get("geometry") if isinstance(feature, dict) else None
     if not isinstance(properties, dict) or not isinstance(properties.get("name"), str):
@@ -156,7 +170,16 @@ def _polygon(feature: Any, where: str) -> RegionMark:
     if not isinstance(rings, list) or not rings:
         raise RegionError(f"{where}: has no coordinates")
     loops = [_ring(ring, where) for ring in rings]
-    return RegionMark(properties["name"], outline=loops[0], holes=tuple(loops[1:]))
+    hidden = _hidden(feature.get("hidden"), size, where)
+    return RegionMark(properties["name"], outline=loops[0], holes=tuple(loops[1:]), hidden=hidden)
+
+
+def _hidden(rings: Any, size: tuple[Any, Any], where: str) -> BoolArray | None:
+    if not rings:
+        return None
+    if not all(isinstance(side, int) and side > 0 for side in size):
+        raise RegionError(f"{where}: hidden parts need the photo's width and height in the file")
+    return fill_loops([_ring(ring, where) for ring in rings], size[0], size[1])
 
 
 def _ring(ring: Any, where: str) -> FloatArray:

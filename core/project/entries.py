@@ -55,12 +55,18 @@ class LabelSource:
 class RegionEntries:
     """Where the scan's regions come from: label arrays and face sets (region name -> face set's name).
 
-    `all_face_sets` takes every named face set of the scan.
+    `all_face_sets` takes every named face set of the scan. `kept` is a file of regions that are found again
+    by where they lie (see `regions.surface_files`). `outlines` are the openings, which have no faces: region
+    name -> corners (n,3), metres, in the world of the scan's file. `unplaced` are regions that are marked in
+    photos only.
     """
 
     labels: tuple[LabelSource, ...] = ()
     face_sets: Mapping[str, str] = field(default_factory=dict)
     all_face_sets: bool = False
+    kept: Path | None = None
+    outlines: Mapping[str, FloatArray] = field(default_factory=dict)
+    unplaced: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,11 +23,12 @@ from ..settings import (
 from ..texture.colour_correction import Method
 from .colour_chart import ColourChartEntry
 from .delivery import DeliverySettings
-from .entries import LabelSource, OutputEntry, Project, RegionEntries, ScanEntry
+from .entries import OutputEntry, Project, ScanEntry
 from .exported import FORMATS
 from .photos import read_photos
 from .point_poses import MARKERS, PointsEntry
 from .refinement import RefineSettings
+from .regions import read_regions
 from .settings import read_settings
 from .simplified import SimplifySettings
 from .table import Table, hint
@@ -54,7 +55,7 @@ def load_project(path: Path | str) -> Project:
     project = Project(
         path=path,
         scan=_scan(root.table("scan", required=True)),
-        regions=_regions(root),
+        regions=read_regions(root),
         photos=photos,
         up=_up(pose),
         pose=_settings(pose, PoseSettings),
@@ -201,69 +202,6 @@ def _settings(table: Table, kind: type[Any]) -> Any:
     settings = read_settings(table, kind)
     table.finish()
     return settings
-
-
-def _regions(root: Table) -> RegionEntries:
-    """Regions of the scan: [regions] for many at once, [[region]] for single ones; else all face sets."""
-    many = root.table("regions")
-    single = root.tables("region")
-    labels = [*_label_array(many), *(source for table in single for source in _single_label(table))]
-    face_sets = {table.text("name"): table.text("face_set") for table in single if "face_set" in table}
-    chosen = many.get("face_sets", not labels and not face_sets)
-    if isinstance(chosen, list):
-        face_sets |= {str(name): str(name) for name in chosen}
-    elif not isinstance(chosen, bool):
-        many.fail("face_sets", "has to be true, false, or a list of names")
-    many.finish()
-    names = [*face_sets, *(name for source in labels for name in source.region_names)]
-    for name in names:
-        if names.count(name) > 1:
-            root.fail("region", f"“{name}” is there twice")
-    return RegionEntries(tuple(labels), face_sets, chosen is True)
-
-
-def _label_array(table: Table) -> list[LabelSource]:
-    if "labels" not in table:
-        table.offer(("labels", "key", "names"))
-        if "names" in table:
-            table.fail("labels", "is missing; names belong to the numbers of a label array")
-        return []
-    names = table.table("names", required=True)
-    meaning: dict[int, str] = {}
-    for name in names.values:
-        number = names.number(name, 0)
-        if number != int(number) or int(number) in meaning:
-            names.fail(name, "has to be a whole number that no other name has")
-        meaning[int(number)] = name
-    if not meaning:
-        table.fail("names", "is empty; give name = number for every region")
-    return [LabelSource(_array_file(table, "labels"), table.text("key", ""), meaning)]
-
-
-def _single_label(table: Table) -> list[LabelSource]:
-    """One [[region]]: `labels` with `id`, `faces` (indices), or `face_set`."""
-    name = table.text("name")
-    given = [key for key in ("labels", "faces", "face_set") if key in table]
-    table.offer(("labels", "faces", "face_set", "id", "key"))
-    table.finish()
-    if len(given) != 1:
-        table.fail("face_set", "give one of face_set, labels (with id), faces")
-    if given == ["face_set"]:
-        return []
-    path, key = _array_file(table, given[0]), table.text("key", "")
-    if given == ["faces"]:
-        return [LabelSource(path, key, name=name)]
-    number = table.number("id", 0)
-    if number != int(number):
-        table.fail("id", f"has to be a whole number, not {number:g}")
-    return [LabelSource(path, key, {int(number): name})]
-
-
-def _array_file(table: Table, key: str) -> Path:
-    path = table.path(key)
-    if path.suffix.lower() not in (".npz", ".npy"):
-        table.fail(key, f"has to be a .npy or .npz file, not {path.name}")
-    return path
 
 
 def _output(table: Table, path: Path) -> OutputEntry:

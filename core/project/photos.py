@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,16 +12,16 @@ import numpy as np
 from ..arrays import FloatArray
 from ..cameras import Camera
 from ..cameras.exchange import PosedCamera
-from ..errors import CameraError, FrescoError, RegionError, ScanError
+from ..errors import CameraError, FrescoError, ScanError
 from ..photos.exif import read_exif
 from ..photos.image import SUFFIXES, image_size
 from ..photos.intrinsics import camera_from_exif
-from ..photos.marks import RegionMark, read_polygons
 from ..photos.photo import Photo
 from .cameras import CameraEntry, check_one_size
 from .entries import PhotoEntry, Use
 from .imported import ImportedCameras, match_photos
 from .importing import read_imported
+from .marks import check_mask_size, read_marks
 from .point_poses import read_picks
 from .table import Table, hint
 
@@ -227,7 +227,8 @@ def _photo(
             f"{camera.width} x {camera.height}; use the original photo or the right calibration",
         )
     notes = tuple(text for text in (exif.orientation_note(*size), note) if text)
-    return Photo(draft.path, draft.name, camera, tuple(_marks(draft, size)), _mask(draft, size), exif, notes)
+    marks = tuple(read_marks(draft.sources.get("regions"), draft.path.stem, size))
+    return Photo(draft.path, draft.name, camera, marks, _mask(draft, size), exif, notes)
 
 
 def _told(draft: _Draft, read: Callable[..., T], *arguments: Any) -> T:
@@ -240,62 +241,6 @@ def _told(draft: _Draft, read: Callable[..., T], *arguments: Any) -> T:
         draft.sources["path"].fail("path", str(error))
 
 
-def _marks(draft: _Draft, size: tuple[int, int]) -> Iterator[RegionMark]:
-    """Marks of a photo: a table of names, a pattern of masks, or a file of polygons."""
-    table = draft.sources.get("regions")
-    if table is None:
-        return
-    value = table.get("regions")
-    if isinstance(value, dict):
-        for name in value:
-            yield _mask_mark(name, table.table("regions").path(name), table, size)
-    elif isinstance(value, str) and "{region}" in value:
-        yield from (_mask_mark(name, path, table, size) for name, path in _matching(draft, table, value))
-    elif isinstance(value, str):
-        yield from _polygons(draft, table, value)
-    else:
-        table.fail(
-            "regions",
-            "has to be a table { name = mask file }, a pattern like masks/{photo}/{region}.png, "
-            "or a file of polygons",
-        )
-
-
-def _polygons(draft: _Draft, table: Table, pattern: str) -> Iterator[RegionMark]:
-    """Polygons from the file that a pattern with perhaps {photo} names; a photo may have none."""
-    path = table.resolve(pattern.replace("{photo}", draft.path.stem))
-    if path.suffix.lower() in SUFFIXES:
-        table.fail(
-            "regions",
-            f"{pattern} does not say which region it marks: put {{region}} into its file name, or write "
-            f'{{ name = "{pattern}" }} with the name of the region',
-        )
-    try:
-        yield from read_polygons(path).values() if path.is_file() else ()
-    except RegionError as error:
-        table.fail("regions", str(error))
-
-
-def _matching(draft: _Draft, table: Table, pattern: str) -> Iterator[tuple[str, Path]]:
-    """Region names and masks that fit a pattern with {region} and perhaps {photo}; a photo may have none."""
-    head, _, tail = pattern.replace("{photo}", draft.path.stem).partition("{region}")
-    if "/" in tail or "\\" in tail:
-        table.fail("regions", "{region} has to be in the file name, the last part of the pattern")
-    full = table.resolve(head + "x")
-    begin = full.name[:-1]
-    folder = full.parent
-    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
-        if path.name.startswith(begin) and path.name.endswith(tail) and path.is_file():
-            name = path.name[len(begin) : len(path.name) - len(tail)]
-            if name:
-                yield name, path
-
-
-def _mask_mark(name: str, path: Path, table: Table, size: tuple[int, int]) -> RegionMark:
-    _check_mask_size(path, table, "regions", size)
-    return RegionMark(name, path)
-
-
 def _mask(draft: _Draft, size: tuple[int, int]) -> Path | None:
     """Mask of the usable part of a photo; a pattern with {photo} need not have a file for every photo."""
     table = draft.sources.get("mask")
@@ -305,19 +250,8 @@ def _mask(draft: _Draft, size: tuple[int, int]) -> Path | None:
     path = table.resolve(pattern.replace("{photo}", draft.path.stem))
     if not path.is_file():
         return None if "{photo}" in pattern else table.existing("mask", pattern)
-    _check_mask_size(path, table, "mask", size)
+    check_mask_size(path, table, "mask", size)
     return path
-
-
-def _check_mask_size(path: Path, table: Table, key: str, size: tuple[int, int]) -> None:
-    """Compare a mask's header with its photo; whether it is empty shows when it is read."""
-    try:
-        width, height = image_size(path)
-    except FrescoError as error:
-        table.fail(key, str(error).replace("photo", "mask").replace(" from the camera", ""))
-    if (width, height) != size:
-        turned = " (it was made on the turned photo, turn it back)" if (height, width) == size else ""
-        table.fail(key, f"{path} is {width} x {height} pixels, its photo {size[0]} x {size[1]}{turned}")
 
 
 def _pose(table: Table) -> tuple[FloatArray, FloatArray]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arrays import ArrayLike
+from ..arrays import ArrayLike, BoolArray
 from ..cameras.files.dictionary import camera_to_dict
 from ..errors import PoseNotFound, RegionError
 from ..jobs import Job, Progress, drain, part
@@ -86,18 +86,19 @@ def _read_regions(
         mask = mark.read_mask(photo.camera.width, photo.camera.height)
         if mask is not None and touches_frame(mask):
             notes.append(f"Region “{mark.name}” is cut off by the frame: only its outline inside is used.")
-        images.append(_image_region(mark, mask))
+        hidden = mark.read_hidden(photo.camera.width, photo.camera.height)
+        images.append(_image_region(mark, mask, hidden))
     if not images:
         told = " ".join(notes) or "No region is marked in this photo."
         raise RegionError(f"{told} Mark a region in the photo and on the scan.")
     return images, tuple(notes)
 
 
-def _image_region(mark: RegionMark, mask: ArrayLike | None) -> ImageRegion:
+def _image_region(mark: RegionMark, mask: BoolArray | None, hidden: BoolArray | None) -> ImageRegion:
     if mask is not None:
-        return ImageRegion.from_mask(mask, mark.name, mark.hidden)
+        return ImageRegion.from_mask(mask, mark.name, hidden)
     assert mark.outline is not None  # a mark without mask is a polygon
-    return replace(ImageRegion.from_polygon(mark.outline, mark.holes, mark.name), hidden=mark.hidden)
+    return replace(ImageRegion.from_polygon(mark.outline, mark.holes, mark.name), hidden=hidden)
 
 
 def _solve_job(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -90,8 +90,8 @@ def run_project_job(project: Project, versions: Mapping[str, str] | None = None)
     charts = yield from part(_charts_job(project), 0.04, 0.05)
     scan, occluders = yield from part(_timed(read_scans_job(project), clock, "scan"), 0.05, 0.15)
     faces = region_faces(project, scan)
-    check_partners(project.path, project.photos, faces)
-    surfaces = surface_regions(scan, faces)
+    surfaces = surface_regions(scan, faces) | opening_regions(project, scan)
+    check_partners(project, surfaces)
     _check_writable(project)
     store = Store(project.output.folder / "cache")
     poses = yield from part(_timed(_pose_job(project, scan, surfaces, store), clock, "poses"), 0.15, 0.35)
@@ -162,6 +162,7 @@ def check_inputs_job(project: Project) -> Job[dict[Path, str]]:
     others = [project.path, project.scan.path, *project.scan.occluders, *_camera_files(project)]
     others += [chart.photo for chart in project.charts]
     others += [project.points.path] if project.points is not None else []
+    others += [project.regions.kept] if project.regions.kept is not None else []
     for path in [*others, *(source.path for source in project.regions.labels)]:
         yield Progress(0.0, f"Checking {path.name}")
         digests[path] = _told(project, "scan", file_digest, path)
@@ -189,8 +190,10 @@ def _check_masks(project: Project, entry: PhotoEntry) -> list[Path]:
     camera = entry.photo.camera
     for mark in entry.photo.regions:
         _told(project, "photo.regions", mark.read_mask, camera.width, camera.height)
+        _told(project, "photo.regions", mark.read_hidden, camera.width, camera.height)
     _told(project, "photo.mask", entry.photo.read_mask)
-    paths = [mark.path for mark in entry.photo.regions if mark.path is not None]
+    files = [path for mark in entry.photo.regions for path in (mark.path, mark.hidden_path)]
+    paths = [path for path in files if path is not None]
     return paths if entry.photo.mask is None else [*paths, entry.photo.mask]
 
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from ..arrays import AnyArray, IntArray
-from ..errors import ProjectError, ScanError
+from ..errors import ProjectError, RegionError, ScanError
+from ..regions.opening import opening_region
+from ..regions.surface_files import found_again, read_face_regions
 from ..regions.surface_region import SurfaceRegion
 from ..scans.scan import Scan
-from .entries import LabelSource, PhotoEntry, Project
+from .entries import LabelSource, Project
 from .table import hint
 
 
@@ -20,7 +22,7 @@ def region_faces(project: Project, scan: Scan) -> dict[str, IntArray]:
     """Face indices of every region of the project.
 
     Raises ScanError for a point cloud; ProjectError for label arrays that do not fit the scan, unknown face
-    sets, and empty regions.
+    sets, empty regions, and kept ones that are not in the scan.
     """
     _check_faces(scan)
     entries = project.regions
@@ -32,6 +34,8 @@ def region_faces(project: Project, scan: Scan) -> dict[str, IntArray]:
         found[name] = scan.face_sets[face_set]
     for source in entries.labels:
         found.update(_labelled(project.path, source, scan))
+    if entries.kept is not None:
+        found.update(_found_again(project.path, entries.kept, scan))
     for name, faces in found.items():
         if len(faces) == 0:
             raise ProjectError(project.path, f"region.{name}", f"no face of {scan.name} belongs to it")
@@ -44,6 +48,15 @@ def _check_faces(scan: Scan) -> None:
             f"{scan.name}: the scan has no faces, it is a point cloud; regions and texture need a mesh, mesh "
             "it first"
         )
+
+
+def _found_again(project: Path, kept: Path, scan: Scan) -> dict[str, IntArray]:
+    vertices = scan.vertices + scan.offset
+    try:
+        regions = read_face_regions(kept)
+        return {r.name: found_again(r, vertices, scan.faces).astype(np.int32) for r in regions}
+    except RegionError as error:
+        raise ProjectError(project, "regions.kept", str(error)) from error
 
 
 def _labelled(project: Path, source: LabelSource, scan: Scan) -> dict[str, IntArray]:
@@ -113,13 +126,25 @@ def surface_regions(scan: Scan, faces: Mapping[str, IntArray]) -> dict[str, Surf
     return surfaces
 
 
-def check_partners(project: Path, photos: tuple[PhotoEntry, ...], names: Mapping[str, object]) -> None:
+def opening_regions(project: Project, scan: Scan) -> dict[str, SurfaceRegion]:
+    """Return the openings of a project in the scan's local coordinates. Raises ProjectError."""
+    found = {}
+    for name, corners in project.regions.outlines.items():
+        try:
+            found[name] = opening_region(corners - scan.offset, name)
+        except RegionError as error:
+            raise ProjectError(project.path, f"region.{name}.outline", str(error)) from error
+    return found
+
+
+def check_partners(project: Project, surfaces: Iterable[str]) -> None:
     """Refuse marks whose region the scan does not have: a misspelt name must not silently lose its region."""
-    for entry in photos:
+    names = {*surfaces, *project.regions.unplaced}
+    for entry in project.photos:
         for mark in entry.photo.regions:
             if mark.name not in names:
                 where = mark.path or f"a polygon of {entry.photo.name}"
                 reason = (
                     f"{where} marks “{mark.name}”, but the scan has no such region{hint(mark.name, names)}"
                 )
-                raise ProjectError(project, "photo.regions", reason)
+                raise ProjectError(project.path, "photo.regions", reason)

@@ -119,6 +119,13 @@ class Table:
             self.fail(key, f"has to be a list of files, not {described(values)}")
         return tuple(self.existing(key, value) for value in values)
 
+    def texts(self, key: str) -> tuple[str, ...]:
+        """Return a list of texts; empty when it is not there."""
+        values = self.get(key, [])
+        if not isinstance(values, list) or not all(isinstance(value, str) and value for value in values):
+            self.fail(key, f"has to be a list of texts, not {described(values)}")
+        return tuple(values)
+
     def existing(self, key: str, name: str) -> Path:
         """Path of a file named relative to the project file; it has to exist."""
         path = self.resolve(name)

@@ -8,14 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import Delaunay
 
-from ..arrays import ArrayLike, BoolArray, FloatArray, IndexArray
+from ..arrays import ArrayLike, FloatArray, IndexArray
 from ..geometry.boundary import link_loops, without_collinear
 from ..geometry.outlines import loop_area
 from ..jobs import Job, Progress
 from ..settings import RegionSettings
-from .frames import polygon_areas
+from .opening import points_inside, triangulated
 from .robust_fit import fit_plane
 from .surface_graph import labelled
 from .surface_index import SurfaceIndex
@@ -147,7 +146,7 @@ def _opening(
     if _surface_inside(points, triangles, loop, plane.centre, plane.axes):
         return None
     corners = without_collinear(flat, 0.02 * float(np.sqrt(area)))
-    patch = _triangulated(corners)
+    patch = triangulated(corners)
     if len(patch) == 0:
         return None
     flatness = float(np.median(np.abs(plane.distance(rim)))) / float(np.sqrt(area))
@@ -165,20 +164,3 @@ def _surface_inside(
     middle = (points[beside].mean(axis=1) - centre) @ axes[:2].T
     inside = points_inside((points[loop] - centre) @ axes[:2].T, middle)
     return bool(np.mean(inside) > 0.5)
-
-
-def points_inside(polygon: FloatArray, points: FloatArray) -> BoolArray:
-    """Whether points (N,2) lie in a polygon (n,2), by the even-odd rule."""
-    inside = np.zeros(len(points), dtype=np.bool_)
-    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        crosses = (a[1] > points[:, 1]) != (b[1] > points[:, 1])
-        if a[1] != b[1]:
-            inside ^= crosses & (points[:, 0] < a[0] + (points[:, 1] - a[1]) / (b[1] - a[1]) * (b[0] - a[0]))
-    return inside
-
-
-def _triangulated(corners: FloatArray) -> IndexArray:
-    """Triangles (F,3) inside a simple polygon (n,2)."""
-    triangles: IndexArray = Delaunay(corners).simplices.astype(np.int64)
-    large = polygon_areas(corners[triangles]) > 1e-9 * float(np.ptp(corners, axis=0).max()) ** 2
-    return triangles[large & points_inside(corners, corners[triangles].mean(axis=1))]
