@@ -118,12 +118,13 @@ def run_job(project: Project) -> Job[ProjectResult]:
     result = yield from part(run_project_job(project, versions), 0.0, 0.8)
     output = project.output
     folder, layers = output.folder.resolve(), tuple(sorted(result.layers, key=lambda layer: layer != ""))
-    wanted = Wanted(folder, output.name, output.glb, False, output.report, output.blend, layers)
+    models = tuple(model.path.stem for model in result.simplified.values())
+    wanted = Wanted(folder, output.name, output.glb, False, output.report, output.blend, layers, models)
     store, key = Store(output.folder / "cache"), outputs_key(result.provenance)
     if are_unchanged(store, wanted.paths, key):
         yield Progress(1.0, "Everything is as the last run has written it")
         return result
-    previews = yield from part(previews_job(project, preview_size(bpy.context)), 0.8, 0.85)
+    previews = yield from part(previews_job(result.project, preview_size(bpy.context)), 0.8, 0.85)
     yield Progress(0.85, "Building the scene")
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     show_result(bpy.context, result, previews)

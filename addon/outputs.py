@@ -29,7 +29,10 @@ from .bridge.world import read_offset
 
 @dataclass(frozen=True)
 class Wanted:
-    """Which files to write: `folder / (name + ending)` each; models of every one of `layers`."""
+    """Which files to write: `folder / (name + ending)` each; models of every one of `layers`.
+
+    `models` are the names of simplified models that belong to them.
+    """
 
     folder: Path
     name: str
@@ -38,6 +41,7 @@ class Wanted:
     report: bool = True
     blend: bool = True
     layers: tuple[str, ...] = ("",)
+    models: tuple[str, ...] = ()
 
     def path(self, ending: str) -> Path:
         """Path of an output file."""
@@ -49,7 +53,12 @@ class Wanted:
         models = {".glb": self.glb, ".obj": self.obj}
         endings = [layer_ending(layer, e) for layer in self.layers for e, on in models.items() if on]
         others = {"_report.html": self.report, ".blend": self.blend}
-        return [self.path(ending) for ending in [*endings, *(e for e, on in others.items() if on)]]
+        simplified = [self.model_path(name) for name in self.models if self.glb]
+        return [*(self.path(e) for e in [*endings, *(e for e, on in others.items() if on)]), *simplified]
+
+    def model_path(self, model: str) -> Path:
+        """Path of the .glb of a simplified model."""
+        return self.folder / f"{model}.glb"
 
 
 def outputs_job(context: bpy.types.Context, wanted: Wanted, scan: Scan, report: Report) -> Job[list[Path]]:
@@ -68,6 +77,8 @@ def outputs_job(context: bpy.types.Context, wanted: Wanted, scan: Scan, report: 
     if wanted.glb:
         for layer in wanted.layers:
             jobs.append(partial(_glb_job, context, wanted.path(layer_ending(layer, ".glb")), layer))
+        for model in wanted.models:
+            jobs.append(partial(_model_glb_job, context, wanted.model_path(model), model))
     if wanted.blend:
         jobs.append(lambda: _blend_job(wanted.path(".blend")))
     written = []
@@ -84,10 +95,32 @@ def _obj_job(path: Path, scan: Scan, textured: TexturedScan) -> Job[Path]:
 def _glb_job(context: bpy.types.Context, path: Path, layer: str) -> Job[Path]:
     """Write scan, texture of a layer and cameras as one binary glTF, by Blender's exporter."""
     yield Progress(0.0, f"Writing {path.name}")
+    fresco = context.scene.fresco
+    chosen = {photo.camera for photo in fresco.photos if photo.is_posed} | {fresco.scan}
+    with _layer_shown(context.scene, layer):
+        _write_glb(context, path, chosen)
+    return path
+
+
+def _model_glb_job(context: bpy.types.Context, path: Path, model: str) -> Job[Path]:
+    """Write a simplified model with its pages as one binary glTF."""
+    yield Progress(0.0, f"Writing {path.name}")
+    obj = context.scene.objects[model]
+    hidden = obj.hide_get()
+    obj.hide_set(False)  # what is hidden cannot be selected
+    try:
+        _write_glb(context, path, {obj})
+    finally:
+        obj.hide_set(hidden)
+    return path
+
+
+def _write_glb(context: bpy.types.Context, path: Path, chosen: set[bpy.types.Object]) -> None:
+    """Write objects of the scene; raises OutputError."""
     if not hasattr(bpy.types, "EXPORT_SCENE_OT_gltf"):
         raise OutputError(f"{path}: enable Blender's add-on “glTF 2.0 format” to write it.")
     temporary = path.with_name(f".{path.name}.part.glb")
-    with _layer_shown(context.scene, layer), _fresco_selected(context), _quiet(), _told(path, temporary):
+    with _selected(context, chosen), _quiet(), _told(path, temporary):
         bpy.ops.export_scene.gltf(
             filepath=str(temporary),
             export_format="GLB",
@@ -99,7 +132,6 @@ def _glb_job(context: bpy.types.Context, path: Path, layer: str) -> Job[Path]:
         )
         _complete_glb(temporary, read_offset(context.scene), read_gains(context.scene))
         temporary.replace(path)
-    return path
 
 
 def _complete_glb(path: Path, offset: FloatArray, gains: Mapping[str, FloatArray]) -> None:
@@ -160,10 +192,8 @@ def _no_old_version() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _fresco_selected(context: bpy.types.Context) -> Iterator[None]:
-    """Select exactly the scan and the photos' cameras, and restore the selection after."""
-    fresco = context.scene.fresco
-    chosen = {photo.camera for photo in fresco.photos if photo.is_posed} | {fresco.scan}
+def _selected(context: bpy.types.Context, chosen: set[bpy.types.Object]) -> Iterator[None]:
+    """Select exactly some objects, and restore the selection after."""
     before = [(obj, obj.select_get()) for obj in context.view_layer.objects]
     try:
         for obj, _ in before:

@@ -245,7 +245,12 @@ class FrescoExportSettings(bpy.types.PropertyGroup):
 
 
 class FrescoCompare(bpy.types.PropertyGroup):
-    """How a refinement is looked at over the photo."""
+    """How a refinement is done, and looked at over the photo."""
+
+    lenses: bpy.props.BoolProperty(
+        name="Adjust Lenses",
+        description="Refining all together adjusts focal length, principal point and radial distortion, too",
+    )
 
     blend: bpy.props.FloatProperty(
         name="Before / After",
@@ -303,6 +308,30 @@ class FrescoDelivery(bpy.types.PropertyGroup):
         name="Untouched colours",
         description="Keep the pixels' colours as they are: no gains, no levelling, no blending",
     )
+    simplify_by: bpy.props.EnumProperty(
+        name="Simplify to",
+        items=[
+            ("FACES", "Faces", "A number of faces"),
+            ("TOLERANCE", "Tolerance", "The fewest faces that stay within a distance of the scan"),
+        ],
+    )
+    simplify_faces: bpy.props.IntProperty(
+        name="Faces", default=50_000, min=4, description="Faces of the simplified model"
+    )
+    simplify_tolerance: bpy.props.FloatProperty(
+        name="Tolerance",
+        default=0.002,
+        min=1e-6,
+        subtype="DISTANCE",
+        precision=4,
+        description="Distance from the scan that 95 % of the simplified model's surface keep within",
+    )
+    chart_json: bpy.props.StringProperty(description="The colour chart that was found, as JSON")
+
+    @property
+    def chart_told(self) -> str:
+        """What the colour chart does, in words; nothing without one."""
+        return str(json.loads(self.chart_json)["told"]) if self.chart_json else ""
 
 
 class FrescoScene(bpy.types.PropertyGroup):

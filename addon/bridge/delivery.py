@@ -1,23 +1,60 @@
-"""A baked atlas as a model of its own in the scene."""
+"""Models that are made for delivery, each as an object of its own in the scene."""
 
 from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Sequence
+from pathlib import Path
 
 import bpy
 import numpy as np
 
+from ...core.arrays import AnyArray, FloatArray, IntArray
 from ...core.project import TexturedScan
+from ...core.project.colour_chart import ChartResult, ColourChartEntry
 from ...core.project.delivery import BakedAtlas
+from ...core.project.simplified import SimplifiedModel
+from ...core.texture.colour_correction import ColourCorrection
 from . import materials, meshes
 from .images import load_image
 from .world import collection
 
 COLLECTION = "Delivery"
 UV_MAP = "Atlas"
+SIMPLIFIED_KEY = "fresco_simplified"
+"""ID property of a simplified model's object: its numbers in words."""
 
 
 def show_atlas(context: bpy.types.Context, textured: TexturedScan, baked: BakedAtlas) -> bpy.types.Object:
-    """Make the model with one material per page; that of an earlier bake of the same name goes."""
-    name = baked.path.stem
+    """Make the model of a baked atlas."""
+    mesh = textured.vertices, textured.faces
+    return _show_model(context, baked.path.stem, *mesh, baked.uv, baked.page, baked.atlas.paths)
+
+
+def show_simplified(context: bpy.types.Context, model: SimplifiedModel) -> bpy.types.Object:
+    """Make the object of a simplified model; its numbers stay with it."""
+    name, page = model.path.stem, model.page
+    obj = _show_model(context, name, model.vertices, model.faces, model.uv, page, model.pages)
+    obj[SIMPLIFIED_KEY] = model.told
+    return obj
+
+
+def simplified_objects(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """Return the objects of simplified models."""
+    return [obj for obj in scene.objects if SIMPLIFIED_KEY in obj]
+
+
+def _show_model(
+    context: bpy.types.Context,
+    name: str,
+    vertices: FloatArray,
+    faces: IntArray,
+    uv: FloatArray,
+    page: AnyArray,
+    paths: Sequence[Path],
+) -> bpy.types.Object:
+    """Make a model with one material per page; an earlier one of the same name goes."""
     target = collection(context.scene, COLLECTION)
     old = target.objects.get(name)
     if old is not None:
@@ -25,13 +62,13 @@ def show_atlas(context: bpy.types.Context, textured: TexturedScan, baked: BakedA
         bpy.data.objects.remove(old)
         if mesh.users == 0:
             bpy.data.meshes.remove(mesh)
-    mesh = meshes.build_mesh(name, textured.vertices, textured.faces)
-    meshes.write_uvs(mesh, UV_MAP, baked.uv)
-    for path in baked.atlas.paths:
+    mesh = meshes.build_mesh(name, vertices, faces)
+    meshes.write_uvs(mesh, UV_MAP, uv)
+    for path in paths:
         image = load_image(path)
         image.reload()  # a page of an earlier bake may have had this name
         mesh.materials.append(_page_material(path.stem, image))
-    meshes.write_material_indices(mesh, np.asarray(baked.page, dtype=np.int32))
+    meshes.write_material_indices(mesh, np.asarray(page, dtype=np.int32))
     obj = bpy.data.objects.new(name, mesh)
     target.objects.link(obj)
     obj.hide_set(True)  # it lies on the scan
@@ -41,3 +78,18 @@ def show_atlas(context: bpy.types.Context, textured: TexturedScan, baked: BakedA
 def _page_material(name: str, image: bpy.types.Image) -> bpy.types.Material:
     existing = bpy.data.materials.get(name)
     return materials.photo_material(name, image, existing, UV_MAP)
+
+
+def write_chart(scene: bpy.types.Scene, entry: ColourChartEntry, chart: ChartResult) -> None:
+    """Keep a colour chart with the scene."""
+    fitted = dataclasses.asdict(chart.correction) | {"coefficients": chart.correction.coefficients.tolist()}
+    kept = {"path": str(entry.photo), "layer": entry.layer, "photo": chart.photo, "told": chart.told}
+    scene.fresco.delivery.chart_json = json.dumps(kept | {"correction": fitted})
+
+
+def read_chart(scene: bpy.types.Scene) -> tuple[ColourChartEntry, ChartResult]:
+    """Return the scene's colour chart."""
+    kept = json.loads(scene.fresco.delivery.chart_json)
+    fitted = kept["correction"] | {"coefficients": np.array(kept["correction"]["coefficients"])}
+    chart = ChartResult(kept["photo"], ColourCorrection(**fitted))
+    return ColourChartEntry(Path(kept["path"]), kept["layer"]), chart

@@ -16,11 +16,24 @@ from ...core.jobs import Job, part
 from ...core.photos import Photo
 from ...core.project import Project, ProjectResult
 from ...core.project.delivery import DeliverySettings
-from ...core.project.point_poses import read_points
+from ...core.project.entries import OutputEntry, PhotoEntry, RegionEntries, ScanEntry
+from ...core.project.point_poses import PointsEntry, read_points
+from ...core.project.refinement import RefineSettings
+from ...core.project.simplified import SimplifySettings
+from ...core.project.surfaces import opening_regions
+from ...core.regions import SurfaceRegion
 from ...core.scans import Scan
-from ...core.settings import EdgeSettings, JointSettings
-from ..settings import from_core
+from ...core.settings import (
+    EdgeSettings,
+    JointSettings,
+    PointSettings,
+    PoseSettings,
+    ScanSettings,
+    TextureSettings,
+)
+from ..settings import from_core, to_core
 from . import photos, points, regions, scans
+from .delivery import show_simplified
 from .images import load_mask
 from .previews import preview_job
 from .texture import show_layers
@@ -90,6 +103,12 @@ def show_project(context: bpy.types.Context, opened: OpenedProject) -> None:
     delivery = project.atlas or DeliverySettings()
     from_core(fresco.atlas, delivery.atlas)
     fresco.delivery.level, fresco.delivery.untouched = delivery.level, delivery.untouched
+    simplify = project.simplify or SimplifySettings()
+    fresco.delivery.simplify_by = "TOLERANCE" if simplify.tolerance else "FACES"
+    if simplify.faces is not None:
+        fresco.delivery.simplify_faces = simplify.faces
+    if simplify.tolerance is not None:
+        fresco.delivery.simplify_tolerance = simplify.tolerance
     output = project.output
     fresco.export.folder, fresco.export.name = str(output.folder.resolve()), output.name
     fresco.export.write_glb, fresco.export.write_obj = output.glb, output.obj
@@ -207,3 +226,5 @@ def show_result(context: bpy.types.Context, result: ProjectResult, previews: Pre
             points.write_pick(items[solved.photo], point.name, point.pixel)
         points.write_residuals(items[solved.photo], solved)
     show_layers(context.scene, result.layers)
+    for model in result.simplified.values():
+        show_simplified(context, model)

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ...core.jobs import Job
 from ...core.project import TexturedScan
+from ...core.project.colour_chart import ChartResult, ColourChartEntry, correction_for, found_chart_job
 from ...core.project.delivery import BakedAtlas, DeliverySettings, bake_job, colour_job
 from ...core.project.models import layer_ending
-from ...core.settings import AtlasSettings
+from ...core.project.simplified import SimplifiedModel, SimplifySettings, simplified_job
+from ...core.settings import AtlasSettings, TextureSettings
+from ...core.texture.colour_correction import ColourCorrection
 from ...core.texture.colours import Colours
-from ..bridge.delivery import show_atlas
+from ..bridge import delivery as bridge
+from ..bridge.images import read_mask_pixels
 from ..bridge.maps import write_vertex_colours
+from ..bridge.scans import read_occluders
 from ..bridge.texture import read_texture
 from ..bridge.world import read_offset
-from ..jobs import JobOperator
+from ..jobs import JobOperator, StepOperator
 from ..settings import to_core
 from .export import wanted_outputs
 from .maps import is_textured
@@ -59,21 +65,123 @@ class FRESCO_OT_bake_atlas(JobOperator):
         wanted = wanted_outputs(scene)
         name = wanted.name + layer_ending(scene.fresco.layer, "_atlas")
         textured = read_texture(scene)
-        return baked_job(wanted.folder / name, name, textured, delivery_settings(scene), read_offset(scene))
+        settings, correction = delivery_settings(scene), chart_correction(scene, textured)
+        return baked_job(wanted.folder / name, name, textured, settings, read_offset(scene), correction)
 
     def finish(self, context: bpy.types.Context, result: Baked) -> None:
-        obj = show_atlas(context, result.textured, result.atlas)
+        obj = bridge.show_atlas(context, result.textured, result.atlas)
         pages = len(result.atlas.atlas.paths)
         texel, folder = 1000 * result.atlas.atlas.texel_size, result.atlas.path.parent
         self.report({"INFO"}, f"{obj.name}: {pages} pages, {texel:.2f} mm a texel, in {folder}")
 
 
 def baked_job(
-    folder: Path, name: str, textured: TexturedScan, settings: DeliverySettings, offset: Any
+    folder: Path,
+    name: str,
+    textured: TexturedScan,
+    settings: DeliverySettings,
+    offset: Any,
+    correction: ColourCorrection | None,
 ) -> Job[Baked]:
     """Bake, and keep what it was baked from."""
-    atlas = yield from bake_job(folder, name, textured, settings, offset)
+    atlas = yield from bake_job(folder, name, textured, settings, offset, None, correction)
     return Baked(textured, atlas)
+
+
+class FRESCO_OT_simplify_model(JobOperator):
+    bl_idname = "fresco.simplify_model"
+    bl_label = "Simplify"
+    bl_description = (
+        "Make a lighter model beside the scan, its texture baked anew from the photos, and tell how far it "
+        "deviates; the scan stays as it is"
+    )
+    bl_options = {"UNDO"}
+    step = "export"
+
+    @classmethod
+    def ready(cls, context: bpy.types.Context) -> bool:
+        return is_textured(cls, context)
+
+    def start(self, context: bpy.types.Context) -> Job[Any]:
+        scene, delivery = context.scene, context.scene.fresco.delivery
+        wanted = wanted_outputs(scene)
+        name = wanted.name + layer_ending(scene.fresco.layer, "_simplified")
+        by_faces = delivery.simplify_by == "FACES"
+        tolerance = float(str(np.float32(delivery.simplify_tolerance)))
+        settings = SimplifySettings(
+            delivery.simplify_faces if by_faces else None, None if by_faces else tolerance
+        )
+        textured = read_texture(scene)
+        photos = scene.fresco.photos
+        return simplified_job(
+            wanted.folder / name,
+            name,
+            (textured.vertices, textured.faces),
+            textured,
+            settings,
+            replace(to_core(scene.fresco.texture, TextureSettings), gain_anchor=None),
+            delivery_settings(scene),
+            read_offset(scene),
+            [(other.vertices, other.faces) for other in read_occluders(scene) if not other.is_cloud],
+            chart_correction(scene, textured),
+            [photos[view.name].priority for view in textured.views],
+        )
+
+    def finish(self, context: bpy.types.Context, result: SimplifiedModel) -> None:
+        obj = bridge.show_simplified(context, result)
+        self.report({"INFO"}, f"{obj.name}: {result.told}; in {result.path.parent}")
+
+
+class FRESCO_OT_find_colour_chart(JobOperator):
+    bl_idname = "fresco.find_colour_chart"
+    bl_label = "Find Colour Chart"
+    bl_description = (
+        "Look for a chart of 24 patches in the chosen photo; what is baked from now on gets true "
+        "colours. Where it is not found, mark its field of patches as a region in the photo and choose that"
+    )
+    bl_options = {"UNDO"}
+    step = "export"
+
+    @classmethod
+    def ready(cls, context: bpy.types.Context) -> bool:
+        cls.poll_message_set("Choose the photo that shows the chart")
+        return context.scene.fresco.active_photo is not None
+
+    def start(self, context: bpy.types.Context) -> Job[Any]:
+        fresco = context.scene.fresco
+        photo, region = fresco.active_photo, fresco.active_region
+        mark = photo.mark(region.uid) if region is not None else None
+        mask = read_mask_pixels(mark.image) if mark is not None and mark.image is not None else None
+        self._entry = ColourChartEntry(Path(photo.path), fresco.layer)
+        return found_chart_job(self._entry, mask)
+
+    def finish(self, context: bpy.types.Context, result: ChartResult) -> None:
+        bridge.write_chart(context.scene, self._entry, result)
+        self.report({"INFO"}, f"{result.photo}: {result.told}")
+
+
+class FRESCO_OT_forget_colour_chart(StepOperator):
+    bl_idname = "fresco.forget_colour_chart"
+    bl_label = "Forget Colour Chart"
+    bl_description = "Bake the photos' own colours again"
+    bl_options = {"UNDO"}
+    step = "export"
+
+    @classmethod
+    def ready(cls, context: bpy.types.Context) -> bool:
+        cls.poll_message_set("No colour chart was found yet")
+        return bool(context.scene.fresco.delivery.chart_json)
+
+    def run(self, context: bpy.types.Context) -> None:
+        context.scene.fresco.delivery.chart_json = ""
+
+
+def chart_correction(scene: bpy.types.Scene, textured: TexturedScan) -> ColourCorrection | None:
+    """Return the colour chart's correction for a texture, None without a chart or for untouched colours."""
+    if not scene.fresco.delivery.chart_json or scene.fresco.delivery.untouched:
+        return None
+    entry, chart = bridge.read_chart(scene)
+    return correction_for(chart, entry, textured) if entry.layer == scene.fresco.layer else None
 
 
 class FRESCO_OT_colour_vertices(JobOperator):
@@ -88,11 +196,19 @@ class FRESCO_OT_colour_vertices(JobOperator):
         return is_textured(cls, context)
 
     def start(self, context: bpy.types.Context) -> Job[Any]:
-        return colour_job(read_texture(context.scene), delivery_settings(context.scene))
+        textured = read_texture(context.scene)
+        correction = chart_correction(context.scene, textured)
+        return colour_job(textured, delivery_settings(context.scene), correction)
 
     def finish(self, context: bpy.types.Context, result: Colours) -> None:
         write_vertex_colours(context.scene.fresco.scan.data, VERTEX_COLOURS, result.rgb)
         self.report({"INFO"}, f"{int(result.seen.sum()):,} of {len(result.seen):,} vertices coloured")
 
 
-CLASSES = (FRESCO_OT_bake_atlas, FRESCO_OT_colour_vertices)
+CLASSES = (
+    FRESCO_OT_bake_atlas,
+    FRESCO_OT_colour_vertices,
+    FRESCO_OT_simplify_model,
+    FRESCO_OT_find_colour_chart,
+    FRESCO_OT_forget_colour_chart,
+)

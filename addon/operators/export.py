@@ -12,6 +12,7 @@ from ...core.jobs import Job
 from ...core.project.provenance import fresco_version
 from ...core.report import Report
 from ...core.scans import Scan
+from ..bridge.delivery import SIMPLIFIED_KEY, simplified_objects
 from ..bridge.photos import read_photo, read_solution
 from ..bridge.regions import read_surfaces
 from ..bridge.scans import read_scan
@@ -32,7 +33,8 @@ def wanted_outputs(scene: bpy.types.Scene) -> Wanted:
     name = export.name.strip() or export.default_name(scene)
     layers = tuple(layer_names(scene.fresco.scan)) or ("",)
     wanted = (export.write_glb, export.write_obj, export.write_report, export.write_blend)
-    return Wanted(folder, name, *wanted, layers)
+    models = tuple(obj.name for obj in simplified_objects(scene))
+    return Wanted(folder, name, *wanted, layers, models)
 
 
 def scene_report(scene: bpy.types.Scene, scan: Scan, title: str) -> Report:
@@ -50,7 +52,15 @@ def scene_report(scene: bpy.types.Scene, scan: Scan, title: str) -> Report:
         written=datetime.now(UTC).isoformat(timespec="seconds"),
         versions={"fresco": fresco_version(), "blender": bpy.app.version_string},
         layers=layers,
+        made=made(scene),
     )
+
+
+def made(scene: bpy.types.Scene) -> list[str]:
+    """Sentences on the scene's simplified models and colour chart."""
+    sentences = [f"{obj.name}: {obj[SIMPLIFIED_KEY]}." for obj in simplified_objects(scene)]
+    chart = scene.fresco.delivery.chart_told
+    return [*([f"Colour chart: {chart}."] if chart else []), *sentences]
 
 
 class FRESCO_OT_export(JobOperator):

@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import bpy
 
+from ...core.cameras.files.dictionary import camera_to_dict
 from ...core.errors import PhotoError
-from ...core.jobs import Job, part
+from ...core.jobs import Job, Progress, part
+from ...core.photos import Photo
 from ...core.project import PhotoPose, RefineSettings, refine_poses_job
 from ...core.project.refinement import restored, view_of
 from ...core.project.residuals import EdgeResiduals, edge_residuals_job
 from ...core.scans import Scan
 from ...core.settings import EdgeSettings, JointSettings
 from ..bridge import photos as bridge
+from ..bridge.previews import preview_job
 from ..bridge.scans import read_scan
-from ..jobs import JobOperator, StepOperator
+from ..jobs import JobOperator
 from ..overlays.residuals import RESIDUALS, PhotoEdges
+from ..preferences import preview_size
 from ..properties import FrescoPhoto
 from ..settings import to_core
+from .photos import OpenedPhoto
 from .regions import has_scan
+
+ADJUSTED = "Adjusted by what the photos show in common."
 
 
 def refinable_photos(scene: bpy.types.Scene) -> list[FrescoPhoto]:
@@ -56,11 +64,14 @@ class RefineOperator(JobOperator):
         context.view_layer.update()
         core_photos = [bridge.read_photo(scene, photo) for photo in photos]
         before = [bridge.read_solution(scene, photo) for photo in photos]
-        return refine_poses_job(read_scan(scene), core_photos, before, settings, held)
+        job = refine_poses_job(read_scan(scene), core_photos, before, settings, held)
+        return refined_job(job, core_photos, preview_size(context))
 
-    def finish(self, context: bpy.types.Context, result: list[PhotoPose]) -> None:
-        photos = context.scene.fresco.photos
+    def finish(self, context: bpy.types.Context, found: RefinedPhotos) -> None:
+        photos, result = context.scene.fresco.photos, found.poses
         moved = 0
+        for name, opened in found.cameras.items():
+            bridge.write_camera(context, photos[name], opened.camera, opened.note, opened.preview)
         for refined in result:
             item = photos[refined.photo]
             if item.hold or not refined.refinements:
@@ -71,6 +82,38 @@ class RefineOperator(JobOperator):
         self.report({"INFO"}, f"{moved} of {len(result)} poses refined")
         if kept and not moved:
             self.warn(context, f"{kept[0].photo}: {kept[0].refinements[-1].note}")
+        lenses = dict.fromkeys(p.refinements[-1].lens for p in result if p.refinements)
+        if told := [sentence for sentence in lenses if sentence]:
+            self.report({"INFO"}, "Lenses: " + "; ".join(told))
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedPhotos:
+    """What became of the photos, and the cameras that were adjusted, by photo."""
+
+    poses: list[PhotoPose]
+    cameras: dict[str, OpenedPhoto]
+
+
+def refined_job(job: Job[list[PhotoPose]], photos: Sequence[Photo], size: int) -> Job[RefinedPhotos]:
+    """Refine, and make the backgrounds of photos whose lens was adjusted."""
+    poses = yield from part(job, 0.0, 0.9)
+    changed = [
+        (photo, pose)
+        for photo, pose in zip(photos, poses, strict=True)
+        if pose.camera is not None and camera_to_dict(pose.camera) != camera_to_dict(photo.camera)
+    ]
+    opened = {}
+    for number, (photo, pose) in enumerate(changed):
+        span = 0.9 + 0.1 * number / len(changed), 0.9 + 0.1 * (number + 1) / len(changed)
+        opened[photo.name] = yield from part(adjusted_job(photo, pose.camera, ADJUSTED, size), *span)
+    return RefinedPhotos(poses, opened)
+
+
+def adjusted_job(photo: Photo, camera: Any, note: str, size: int) -> Job[OpenedPhoto]:
+    """Make the background of a photo for another camera."""
+    preview = yield from preview_job(photo.path, camera, size)
+    return OpenedPhoto(photo.path, camera, note, preview)
 
 
 class FRESCO_OT_refine_edges(RefineOperator):
@@ -124,11 +167,12 @@ class FRESCO_OT_refine_jointly(RefineOperator):
         held = {photo.name for photo in photos if photo.hold}
         if len(held) == len(photos):
             raise PhotoError("All poses are held: take the tick at “Hold” away from those to be refined.")
-        settings = RefineSettings(joint=to_core(context.scene.fresco.joint, JointSettings))
+        fresco = context.scene.fresco
+        settings = RefineSettings(joint=to_core(fresco.joint, JointSettings), lenses=fresco.compare.lenses)
         return self.refine(context, photos, settings, held)
 
 
-class FRESCO_OT_restore_pose(StepOperator):
+class FRESCO_OT_restore_pose(JobOperator):
     bl_idname = "fresco.restore_pose"
     bl_label = "Restore Pose Before"
     bl_description = "Give the chosen photo back the pose that it had before its last refinement"
@@ -141,10 +185,26 @@ class FRESCO_OT_restore_pose(StepOperator):
         cls.poll_message_set("The chosen photo was not refined")
         return photo is not None and photo.camera is not None and photo.is_refined
 
-    def run(self, context: bpy.types.Context) -> None:
-        photo = context.scene.fresco.active_photo
-        before = restored(bridge.read_solution(context.scene, photo))
-        bridge.write_solution(context.scene, photo, before)
+    def start(self, context: bpy.types.Context) -> Job[Any]:
+        item = context.scene.fresco.active_photo
+        before = restored(bridge.read_solution(context.scene, item))
+        photo = bridge.read_photo(context.scene, item)
+        return refined_job(given_job(before), [photo], preview_size(context))
+
+    def finish(self, context: bpy.types.Context, found: RefinedPhotos) -> None:
+        (before,) = found.poses
+        item = context.scene.fresco.photos[before.photo]
+        for opened in found.cameras.values():
+            bridge.write_camera(
+                context, item, opened.camera, "Lens as before it was adjusted.", opened.preview
+            )
+        bridge.write_solution(context.scene, item, before)
+
+
+def given_job(pose: PhotoPose) -> Job[list[PhotoPose]]:
+    """Return a pose that is known already."""
+    yield Progress(0.0, "Going back to the pose before")
+    return [pose]
 
 
 class FRESCO_OT_show_residuals(JobOperator):

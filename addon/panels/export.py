@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import bpy
 
+from ..bridge.delivery import SIMPLIFIED_KEY, simplified_objects
 from ..settings import draw_settings
-from .base import FrescoPanel, draw_error
+from .base import FrescoPanel, draw_error, draw_text
 
 
 class FRESCO_PT_export(FrescoPanel, bpy.types.Panel):
@@ -45,7 +46,30 @@ class FRESCO_PT_delivery(FrescoPanel, bpy.types.Panel):
         column.prop(fresco.delivery, "untouched")
         layout.operator("fresco.bake_atlas", icon="UV")
         layout.operator("fresco.colour_vertices", icon="GROUP_VCOL")
+        row = layout.row(align=True)
+        row.operator("fresco.find_colour_chart", icon="COLOR")
+        row.operator("fresco.forget_colour_chart", text="", icon="X")
+        if fresco.delivery.chart_told:
+            draw_text(layout, context, fresco.delivery.chart_told)
         draw_settings(layout, fresco.atlas)
 
 
-CLASSES = (FRESCO_PT_export, FRESCO_PT_delivery)
+class FRESCO_PT_simplify(FrescoPanel, bpy.types.Panel):
+    bl_idname = "FRESCO_PT_simplify"
+    bl_parent_id = "FRESCO_PT_export"
+    bl_label = "Simplified Model"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, delivery = self.layout, context.scene.fresco.delivery
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(delivery, "simplify_by")
+        by_faces = delivery.simplify_by == "FACES"
+        layout.prop(delivery, "simplify_faces" if by_faces else "simplify_tolerance")
+        layout.operator("fresco.simplify_model", icon="MOD_DECIM")
+        for obj in simplified_objects(context.scene):
+            draw_text(layout, context, f"{obj.name}: {obj[SIMPLIFIED_KEY]}")
+
+
+CLASSES = (FRESCO_PT_export, FRESCO_PT_delivery, FRESCO_PT_simplify)

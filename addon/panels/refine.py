@@ -38,6 +38,7 @@ class FRESCO_PT_refine(StepPanel, bpy.types.Panel):
         row.operator("fresco.refine_edges", icon="MOD_EDGESPLIT").only_active = False
         row.operator("fresco.refine_edges", text="", icon="RESTRICT_VIEW_OFF").only_active = True
         layout.operator("fresco.refine_jointly", icon="CON_TRACKTO")
+        layout.prop(context.scene.fresco.compare, "lenses")
         photos = refinable_photos(context.scene)
         if any(photo.is_refined for photo in photos):
             draw_summary(layout, photos)

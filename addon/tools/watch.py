@@ -80,6 +80,9 @@ def _is_ours(tool: bpy.types.WorkSpaceTool | None) -> bool:
 
 def _advise(scene: bpy.types.Scene) -> None:
     """Begin new advice when something has changed and then stayed as it is, and show what is ready."""
+    scan = scene.fresco.scan
+    if scan is not None and scan.mode == "EDIT":
+        return  # while a mesh is edited its attributes cannot be read
     manager = bpy.context.window_manager
     signature = advice.advice_signature(scene)
     settled, WATCH.seen = signature == WATCH.seen, signature

@@ -5,13 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..arrays import FloatArray
+import cv2
+import numpy as np
+
+from ..arrays import BoolArray
 from ..errors import PhotoError
 from ..jobs import Job, Progress
 from ..photos.image import read_image
 from ..texture.colour_chart import REFERENCE, find_colour_chart
 from ..texture.colour_correction import ColourCorrection, Method, fit_correction
 from .textures import TexturedScan
+
+_SMOOTHING = (0.01, 0.02, 0.04, 0.06)
+"""Parts of its length by which an outline is straightened until four corners are left."""
 
 
 @dataclass(frozen=True)
@@ -41,20 +47,40 @@ class ChartResult:
         )
 
 
-def read_chart_job(entry: ColourChartEntry, corners: FloatArray | None = None) -> Job[ChartResult]:
-    """Find the chart in its photo and fit the correction; `corners` (4,2) pixels before the entry's.
+def read_chart_job(entry: ColourChartEntry) -> Job[ChartResult]:
+    """Find the chart in its photo and fit the correction.
 
     Raises PhotoError that names the photo where no chart is found.
     """
     yield Progress(0.0, f"Looking for the colour chart in {entry.photo.name}")
-    told = entry.corners if corners is None else corners
     try:
-        chart = find_colour_chart(read_image(entry.photo), told)
+        chart = find_colour_chart(read_image(entry.photo), entry.corners)
         yield Progress(0.5, "Fitting the colours of the chart")
         fitted = fit_correction(chart.colour, REFERENCE, chart.usable, entry.method)
     except PhotoError as error:
         raise PhotoError(f"{entry.photo.name}: {error}") from error
     return ChartResult(entry.photo.stem, fitted)
+
+
+def found_chart_job(entry: ColourChartEntry, mask: BoolArray | None) -> Job[ChartResult]:
+    """Find the chart by itself, else within a mark (H,W) of its field of patches. Raises PhotoError."""
+    try:
+        return (yield from read_chart_job(entry))
+    except PhotoError:
+        if mask is None:
+            raise
+    return (yield from read_chart_job(replace(entry, corners=quadrilateral(mask))))
+
+
+def quadrilateral(mask: BoolArray) -> tuple[tuple[float, float], ...]:
+    """Four corners (u, v) of a mark. Raises PhotoError where it has not the shape of a quadrilateral."""
+    outlines, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    hull = cv2.convexHull(max(outlines, key=cv2.contourArea)) if outlines else np.zeros((0, 1, 2), np.int32)
+    for share in _SMOOTHING:
+        corners = cv2.approxPolyDP(hull, share * cv2.arcLength(hull, True), True) if len(hull) else hull
+        if len(corners) == 4:
+            return tuple((float(u), float(v)) for u, v in corners[:, 0])
+    raise PhotoError("The colour chart's mark has not four corners: mark its field of patches as a polygon.")
 
 
 def correction_for(chart: ChartResult, entry: ColourChartEntry, textured: TexturedScan) -> ColourCorrection:
@@ -66,4 +92,4 @@ def correction_for(chart: ChartResult, entry: ColourChartEntry, textured: Textur
     for number, view in enumerate(textured.views):
         if isinstance(view.image, (str, Path)) and Path(view.image).resolve() == entry.photo.resolve():
             return chart.correction.after_gain(textured.selection.gain[number])
-    return replace(chart.correction)
+    return chart.correction

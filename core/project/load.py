@@ -98,7 +98,10 @@ def _up(table: Table) -> FloatArray | None:
 
 def _refine(table: Table) -> RefineSettings:
     """Which refinements run: `edges`, `joint` are true, false, or a table of settings."""
-    chosen = RefineSettings(_optional(table, "edges", EdgeSettings), _optional(table, "joint", JointSettings))
+    edges, joint = _optional(table, "edges", EdgeSettings), _optional(table, "joint", JointSettings)
+    chosen = RefineSettings(edges, joint, table.flag("lenses", False))
+    if chosen.lenses and joint is None:
+        table.fail("lenses", "are adjusted by what the photos show in common; write joint = true as well")
     table.finish()
     return chosen
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
+from ..cameras import Camera
+from ..cameras.files.dictionary import camera_from_dict, camera_to_dict
 from ..pose.pose import Pose
 from ..pose.regions.region_pose import RegionPose
 
@@ -20,7 +23,8 @@ class Refinement:
 
     Scores by `method`: "edges" compares edge agreement (1: none; larger is better), "joint" the median
     distance in pixels to what the other photos show (smaller is better). `count`: edges or ties that hold the
-    pose. `note` says why the start was kept; empty when the pose was moved.
+    pose. `note` says why the start was kept; empty when the pose was moved. `lens` tells in words what
+    became of the lens where lenses were to be adjusted; `camera` is the one before, where it was.
     """
 
     method: Method
@@ -29,6 +33,8 @@ class Refinement:
     score_after: float
     count: int
     note: str = ""
+    lens: str = ""
+    camera: Camera | None = None
 
     @property
     def moved(self) -> bool:
@@ -55,7 +61,8 @@ class PhotoPose:
 
     `pose` is in the local coordinates of the scan. An ambiguous pose is kept for showing, but `failure` says
     that it does not count. `regions` are the names that were used, `points` the picked points; `notes` tell
-    of those that were not. `refinements` are the steps that refined the pose, the first one first.
+    of those that were not. `refinements` are the steps that refined the pose, the first one first; `camera`
+    is the photo's as they have adjusted it, None where it is as it was given.
     """
 
     photo: str
@@ -67,6 +74,7 @@ class PhotoPose:
     seconds: float = 0.0
     points: tuple[PointSighting, ...] = ()
     refinements: tuple[Refinement, ...] = ()
+    camera: Camera | None = None
 
     @property
     def solved(self) -> bool:
@@ -104,6 +112,7 @@ def pose_to_dict(result: PhotoPose) -> dict[str, Any]:
         "seconds": result.seconds,
         "points": [vars(point) for point in result.points],
         "refinements": [refinement_to_dict(step) for step in result.refinements],
+        "camera": _camera_numbers(result.camera),
     }
 
 
@@ -120,17 +129,26 @@ def pose_from_dict(saved: Mapping[str, Any]) -> PhotoPose:
         saved["seconds"],
         tuple(_sighting(point) for point in saved["points"]),
         tuple(refinement_from_dict(step) for step in saved["refinements"]),
+        _camera(saved.get("camera")),
     )
 
 
 def refinement_to_dict(step: Refinement) -> dict[str, Any]:
     """Plain numbers and texts of one step of refining."""
-    return {**vars(step), "start": _pose_numbers(step.start)}
+    return {**vars(step), "start": _pose_numbers(step.start), "camera": _camera_numbers(step.camera)}
 
 
 def refinement_from_dict(saved: Mapping[str, Any]) -> Refinement:
     """Return the step that `refinement_to_dict` wrote down."""
-    return Refinement(**{**saved, "start": _pose(saved["start"])})
+    return Refinement(**{**saved, "start": _pose(saved["start"]), "camera": _camera(saved.get("camera"))})
+
+
+def _camera_numbers(camera: Camera | None) -> dict[str, Any] | None:
+    return None if camera is None else camera_to_dict(camera)
+
+
+def _camera(numbers: Mapping[str, Any] | None) -> Camera | None:
+    return None if numbers is None else camera_from_dict(dict(numbers))
 
 
 def _sighting(saved: Mapping[str, Any]) -> PointSighting:
@@ -146,7 +164,9 @@ def _pose_numbers(pose: Pose) -> dict[str, Any]:
     if isinstance(pose, RegionPose):
         for name in ("overlap_error", "ambiguous", "reason", "locked"):
             numbers[name] = getattr(pose, name)
-        numbers["region_errors"], numbers["remarks"] = list(pose.region_errors), list(pose.remarks)
+        errors = pose.region_errors  # JSON knows no NaN
+        numbers["region_errors"] = [error if math.isfinite(error) else None for error in errors]
+        numbers["remarks"] = list(pose.remarks)
         numbers["alternatives"] = [_pose_numbers(other) for other in pose.alternatives]
     return numbers
 
@@ -164,7 +184,7 @@ def _region_pose(numbers: Mapping[str, Any]) -> RegionPose:
         translation=np.array(numbers["translation"]),
         covariance=np.array(numbers["covariance"]),
         overlap_error=numbers["overlap_error"],
-        region_errors=tuple(numbers["region_errors"]),
+        region_errors=tuple(math.nan if error is None else error for error in numbers["region_errors"]),
         alternatives=tuple(_region_pose(other) for other in numbers["alternatives"]),
         ambiguous=numbers["ambiguous"],
         reason=numbers["reason"],

@@ -175,6 +175,8 @@ def _refinement(step: Refinement, scan: Scan) -> dict[str, Any]:
         "score_after": _number(step.score_after),
         "count": step.count,
         "note": step.note,
+        "lens": step.lens,
+        "camera_before": None if step.camera is None else camera_to_dict(step.camera),
     }
 
 

@@ -14,7 +14,7 @@ from ..jobs import Job, Progress, drain, part
 from ..photos.photo import Photo
 from ..photos.view import View
 from ..pose.edges import EdgePose, refine_pose_by_edges_job
-from ..pose.joint import JointPose, refine_poses_jointly_job
+from ..pose.joint import JointPose, LensFit, refine_poses_jointly_job
 from ..pose.pose import Pose
 from ..scans.scan import Scan
 from ..settings import EdgeSettings, JointSettings
@@ -28,10 +28,11 @@ _HELD = np.diag(np.repeat([1e-6, 1e-5], 3) ** 2)
 
 @dataclass(frozen=True)
 class RefineSettings:
-    """Which refinements run, and how; None leaves one out."""
+    """Which refinements run, and how; None leaves one out. `lenses`: the joint one adjusts them, too."""
 
     edges: EdgeSettings | None = None
     joint: JointSettings | None = None
+    lenses: bool = False
 
 
 def refine_poses(
@@ -56,8 +57,8 @@ def refine_poses_job(
     """Refine the poses of photos on the scan they are in; `photos` and `poses` are in the same order.
 
     Photos without a usable pose stay as they are. Those named in `held` keep their pose, but the others are
-    tied to them. With a `store` every finished step is kept and taken over when nothing changed. Raises
-    PhotoError for a photo that cannot be read.
+    tied to them. Where lenses are adjusted, see `with_lenses`. With a `store` every finished step is kept and
+    taken over when nothing changed. Raises PhotoError for a photo that cannot be read.
     """
     store, found = store or Store(), list(poses)
     mesh = digest(scan.vertices, scan.faces, scan_colours(scan)) if store.folder is not None else ""
@@ -73,7 +74,7 @@ def refine_poses_job(
     if settings.joint is not None and free and len(placed) > 1:
         views = [view_of(photos[number], found[number], found[number].photo in held) for number in placed]
         before = [found[number] for number in placed]
-        joint = _joint_job(scan, mesh, views, before, settings.joint, held, store)
+        joint = _joint_job(scan, mesh, views, before, settings.joint, settings.lenses, held, store)
         together = yield from part(joint, end if settings.edges is not None else 0.0, 1.0)
         for number, result in zip(placed, together, strict=True):
             found[number] = result
@@ -111,6 +112,7 @@ def _joint_job(
     views: Sequence[View],
     results: Sequence[PhotoPose],
     settings: JointSettings,
+    lenses: bool,
     held: Collection[str],
     store: Store,
 ) -> Job[list[PhotoPose]]:
@@ -120,20 +122,52 @@ def _joint_job(
         for number, view in enumerate(views):
             yield Progress(0.0, f"Looking for a finished refinement of {number + 1} photos")
             keys.append(view_key(view))
-        key = digest(code_digest(), mesh, keys, settings, sorted(held))
+        key = digest(code_digest(), mesh, keys, settings, lenses, sorted(held))
     saved = store.load("joint", key)
     if saved is not None:
         before = zip(results, saved["photos"], strict=True)
-        return [result if result.photo in held else _taken_over(result, one) for result, one in before]
-    poses: list[JointPose] = yield from refine_poses_jointly_job(views, scan.vertices, scan.faces, settings)
+        return [_taken_over(result, one, result.photo in held) for result, one in before]
+    joint = refine_poses_jointly_job(views, scan.vertices, scan.faces, settings, lenses)
+    poses: list[JointPose] = yield from joint
     steps = [
-        result
-        if result.photo in held
-        else _stepped(result, pose, "joint", (pose.shift_before, pose.shift_after), pose.ties, pose.note)
-        for result, pose in zip(results, poses, strict=True)
+        _joint_step(view, result, pose, result.photo in held)
+        for view, result, pose in zip(views, results, poses, strict=True)
     ]
     store.save("joint", key, {"photos": [pose_to_dict(step) for step in steps]})
     return steps
+
+
+def _joint_step(view: View, result: PhotoPose, pose: JointPose, held: bool) -> PhotoPose:
+    """Add the joint step; a held photo keeps its pose, but shares the lens that was adjusted."""
+    adjusted = pose.camera if pose.lens is not None and not pose.lens.note and not pose.note else None
+    if held:
+        return result if adjusted is None else replace(result, camera=adjusted)
+    shifts = pose.shift_before, pose.shift_after
+    step = _stepped(result, pose, "joint", shifts, pose.ties, pose.note)
+    if pose.lens is None or (pose.note and not pose.lens.note):
+        return step
+    camera = view.camera if adjusted is not None else None
+    last = replace(step.refinements[-1], lens=lens_told(pose.lens), camera=camera)
+    refinements = (*step.refinements[:-1], last)
+    return replace(step, refinements=refinements, camera=adjusted or result.camera)
+
+
+def lens_told(lens: LensFit) -> str:
+    """Return in words what became of a lens, with standard deviations."""
+    if lens.note:
+        return lens.note
+    change, sigma = lens.change, np.sqrt(np.diag(lens.covariance))
+    return (
+        f"focal length {100 * change[0]:+.2f} % ± {100 * sigma[0]:.2f} %, principal point "
+        f"({change[1]:+.1f}, {change[2]:+.1f}) ± ({sigma[1]:.1f}, {sigma[2]:.1f}) px; known to "
+        f"± {lens.pixel_sigma:.2f} px at the border"
+    )
+
+
+def with_lenses(photos: Sequence[Photo], poses: Sequence[PhotoPose]) -> list[Photo]:
+    """Photos with the cameras that refinement has adjusted: what uses the poses has to use them, too."""
+    pairs = zip(photos, poses, strict=True)
+    return [p if pose.camera is None else replace(p, camera=pose.camera) for p, pose in pairs]
 
 
 def _stepped(
@@ -146,19 +180,24 @@ def _stepped(
     return replace(result, pose=moved, refinements=(*result.refinements, step))
 
 
-def _taken_over(result: PhotoPose, saved: Mapping[str, Any]) -> PhotoPose:
-    """Add the last step of a saved result, which started from the same pose."""
+def _taken_over(result: PhotoPose, saved: Mapping[str, Any], held: bool = False) -> PhotoPose:
+    """Add the last step of a saved result, which started from the same pose; a held one made none."""
     before = pose_from_dict(saved)
+    if held:
+        return result if before.camera is None else replace(result, camera=before.camera)
     step = before.refinements[-1]
     moved = before.pose if step.moved else result.pose
-    return replace(result, pose=moved, refinements=(*result.refinements, step))
+    return replace(result, pose=moved, refinements=(*result.refinements, step), camera=before.camera)
 
 
 def restored(result: PhotoPose) -> PhotoPose:
     """Return what became of a photo before its last refinement; the same where there is none."""
     if not result.refinements:
         return result
-    return replace(result, pose=result.refinements[-1].start, refinements=result.refinements[:-1])
+    step = result.refinements[-1]
+    return replace(
+        result, pose=step.start, refinements=result.refinements[:-1], camera=step.camera or result.camera
+    )
 
 
 def view_key(view: View) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from ..photos.photo import Photo
 from ..regions.surface_region import SurfaceRegion
 from ..scans.scan import Scan
-from .photo_pose import PhotoPose
+from .photo_pose import PhotoPose, Refinement
 from .run import ProjectResult
 
 WEAK_SHARE = 0.01
@@ -43,7 +43,12 @@ def remarks_on(
 def _on_pose(pose: PhotoPose, surfaces: Mapping[str, SurfaceRegion]) -> list[str]:
     weak = weakness(pose, surfaces)
     kept = [step.note for step in pose.refinements if step.note]
-    return [*pose.notes, *kept, *([weak] if weak else [])]
+    lenses = [_lens_sentence(step) for step in pose.refinements if step.lens]
+    return [*pose.notes, *kept, *lenses, *([weak] if weak else [])]
+
+
+def _lens_sentence(step: Refinement) -> str:
+    return f"Lens adjusted: {step.lens}." if step.camera is not None else step.lens
 
 
 def weakness(result: PhotoPose, surfaces: Mapping[str, SurfaceRegion]) -> str:

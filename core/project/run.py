@@ -31,10 +31,10 @@ from .placing import place_cameras
 from .point_poses import PointsEntry, solve_points_job
 from .poses import solve_poses_job
 from .provenance import local_translation, provenance, write_photo_per_face, write_provenance
-from .refinement import RefineSettings, refine_poses_job, view_of
+from .refinement import RefineSettings, refine_poses_job, view_of, with_lenses
 from .simplified import SimplifiedModel
 from .store import Store
-from .surfaces import check_partners, region_faces, surface_regions
+from .surfaces import check_partners, opening_regions, region_faces, surface_regions
 from .telephoto import pose_telephoto_job
 from .textures import TexturedScan, texture_layers_job
 
@@ -98,6 +98,7 @@ def run_project_job(project: Project, versions: Mapping[str, str] | None = None)
     if project.refine != RefineSettings():
         job = _timed(_refine_job(project, scan, poses, store), clock, "refinement")
         poses = yield from part(job, 0.35, 0.55)
+        project = _with_lenses(project, poses)
     texture_job = _texture_job(project, scan, poses, occluders, store)
     layers = yield from part(_timed(texture_job, clock, "texture"), 0.55, 0.9)
     textured = layers.get("") or next(iter(layers.values()))
@@ -268,6 +269,13 @@ def _refine_job(project: Project, scan: Scan, poses: list[PhotoPose], store: Sto
     held = {entry.photo.name for entry in project.photos if not entry.refine}
     photos = [entry.photo for entry in project.photos]
     return refine_poses_job(scan, photos, poses, project.refine, held, store)
+
+
+def _with_lenses(project: Project, poses: list[PhotoPose]) -> Project:
+    """The project with the lenses that refinement has adjusted, which all that follows uses."""
+    photos = with_lenses([entry.photo for entry in project.photos], poses)
+    entries = zip(project.photos, photos, strict=True)
+    return replace(project, photos=tuple(replace(entry, photo=photo) for entry, photo in entries))
 
 
 def _given(entry: PhotoEntry, scan: Scan) -> PhotoPose:

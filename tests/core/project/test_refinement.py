@@ -96,6 +96,37 @@ def test_a_run_refines_tells_and_takes_over(refined, monkeypatch):
         run_project(load_project(path))
 
 
+def test_lenses_are_adjusted_told_and_used_by_all_that_follows(corner, monkeypatch):
+    path, _ = corner(speckled=True)
+    edit(path, "focal = 390", "focal = 396")
+    edit(path, "[output]", '[refine]\njoint = true\nlenses = true\n[output]\ncameras = ["colmap"]')
+    result = run_project(load_project(path))
+    focal = [photo.camera.K[0, 0] for photo in result.photos]
+    assert len(set(focal)) == 1, "the photos share a lens"
+    assert abs(focal[0] - 390) < 3 < 396 - 390
+    step = result.poses[0].refinements[-1]
+    assert step.camera.K[0, 0] == 396 and "focal length -" in step.lens and "px at the border" in step.lens
+    assert restored(result.poses[0]).camera is step.camera
+    assert all(view.camera.K[0, 0] == focal[0] for view in result.textured.views)
+    exported = (path.parent / "out" / "project_colmap" / "cameras.txt").read_text()
+    assert f"{focal[0]:.3f}"[:6] in exported
+    record = json.loads((path.parent / "out" / "project_provenance.json").read_text())
+    assert record["photos"][0]["camera"]["K"][0][0] == focal[0]
+    assert record["photos"][0]["pose"]["refinements"][-1]["camera_before"]["K"][0][0] == 396
+    assert any("Lens adjusted: focal length" in line for line in remarks(result))
+
+    monkeypatch.setattr(refinement, "refine_poses_jointly_job", lambda *_: pytest.fail("refined again"))
+    again = run_project(load_project(path))
+    assert again.photos[0].camera.K[0, 0] == focal[0]
+
+
+def test_lenses_need_the_joint_step(corner):
+    path, _ = corner()
+    edit(path, "[output]", "[refine]\nlenses = true\n[output]")
+    with pytest.raises(ProjectError, match=r"refine\.lenses: .*joint = true"):
+        load_project(path)
+
+
 def test_held_photos_stay_and_the_others_come_to_them(corner):
     path, truth = corner(speckled=True)
     project = load_project(path)
