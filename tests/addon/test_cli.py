@@ -171,7 +171,7 @@ def test_an_output_folder_that_cannot_be_made_ends_with_1(project, tmp_path):
 
 
 def test_a_defect_is_told_as_one_and_ends_with_1(extension, project):
-    done = fresco("run", project(), patch="cli.run_project_job = lambda project: 1 / 0")
+    done = fresco("run", project(), patch="cli.run_project_job = lambda *given: 1 / 0")
     assert done.returncode == 1, done.stderr  # a negative one is a signal
     *_, error, sentence = done.stderr.strip().splitlines()
     assert error == "ZeroDivisionError: division by zero"

@@ -13,6 +13,7 @@ Source: RealityScan help on XMP files and camera mathematics; its export templat
 from __future__ import annotations
 
 import csv
+import warnings
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from xml.etree import ElementTree
@@ -225,9 +226,15 @@ def _rotation_from_angles(heading: float, pitch: float, roll: float) -> FloatArr
 
 
 def _angles_from_rotation(rotation: FloatArray) -> tuple[float, float, float]:
-    """Heading, pitch and roll in degrees."""
+    """Heading, pitch and roll in degrees.
+
+    A level camera has a pitch of 90 degrees, where only the sum of heading and roll counts: SciPy warns and
+    puts all of it into the heading, which is the same rotation.
+    """
     turn = Rotation.from_matrix((_Y_UP @ rotation).T)
-    heading, pitch, roll = turn.as_euler("ZXY", degrees=True)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Gimbal lock")
+        heading, pitch, roll = turn.as_euler("ZXY", degrees=True)
     return float(-heading), float(pitch), float(roll)
 
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fresco.core.cameras import Distortion, FisheyeCamera, PerspectiveCamera
@@ -120,6 +122,28 @@ def test_csv_round_trip(posed, same_projection, tmp_path):
     copy = read_realityscan_csv(tmp_path / "cameras.csv", sizes.__getitem__)
     assert [photo.name for photo in copy.cameras] == [photo.name for photo in model.cameras]
     same_projection(model, copy, points=False)
+
+
+def test_csv_angles_of_a_real_project(tmp_path):
+    """Angles and matrix that the program itself gave for one photo (reported in its users' forum)."""
+    path = tmp_path / "cameras.csv"
+    angles = "163.736597399311,83.4154313461628,174.386496244756"
+    path.write_text(CSV + f"a.jpg,1,2,3,{angles},24,0,0,0,0,0,0,0,0\n")
+    rotation = read_realityscan_csv(path, landscape).cameras[0].rotation
+    rows = [[0.98259407, 0.18542673, -0.01121669], [-0.03211363, 0.11008103, -0.9934037]]
+    np.testing.assert_allclose(rotation[:2], rows, atol=1e-8)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_level_camera_comes_back_from_csv(posed, same_projection, tmp_path):
+    """At a pitch of 90 degrees heading and roll cannot be told apart; the rotation is still exact."""
+    level = Rotation.from_euler("ZXY", [-20, 90, 0], degrees=True).as_matrix().T
+    model = posed([PerspectiveCamera(3000, 2000, K)])
+    photo = replace(model.cameras[0], rotation=np.diag([1.0, -1.0, -1.0]) @ level)
+    model = replace(model, cameras=(photo,))
+    write_realityscan_csv(tmp_path / "cameras.csv", model)
+    copy = read_realityscan_csv(tmp_path / "cameras.csv", lambda name: (3000, 2000))
+    np.testing.assert_allclose(copy.cameras[0].rotation, photo.rotation, atol=1e-9)
 
 
 def test_csv_of_few_columns(tmp_path):
