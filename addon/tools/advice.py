@@ -43,15 +43,16 @@ class Marked:
 
 def advice_signature(scene: bpy.types.Scene) -> Signature:
     """Tell whether anything has changed that the advice depends on; empty when there is nothing to tell."""
-    photo = scene.fresco.active_photo
-    if photo is None or not photo.camera_json:
+    photo, scan = scene.fresco.active_photo, scene.fresco.scan
+    editing = scan is not None and scan.mode == "EDIT"  # attributes can only be read outside
+    if photo is None or not photo.camera_json or editing:
         return ()
     regions = tuple(
         (r.uid, r.name, r.revision, r.face_count, hash(r.opening_json), _mark_signature(photo, r.uid))
         for r in scene.fresco.regions
     )
-    scan = scene.fresco.scan.name if scene.fresco.scan is not None else ""
-    return photo.name, hash(photo.camera_json), hash(photo.pose_json), photo.state, scan, regions
+    shown = "" if scan is None else scan.name
+    return photo.name, hash(photo.camera_json), hash(photo.pose_json), photo.state, shown, regions
 
 
 def _mark_signature(photo: FrescoPhoto, uid: int) -> Signature:

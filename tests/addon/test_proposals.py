@@ -139,3 +139,12 @@ def test_advice_tells_the_uncertainty_of_the_coming_pose(imported, module):
     assert signature != advice.advice_signature(imported)
     imported.fresco.photos[0].marks.clear()
     assert "in this photo, too" in drain(advice.advice_job(imported)).pose
+
+
+def test_no_advice_is_worked_out_in_edit_mode(imported, module):
+    advice = module("addon.tools.advice")
+    bpy.context.view_layer.objects.active = imported.fresco.scan
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert advice.advice_signature(imported) == ()
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert advice.advice_signature(imported) != ()
