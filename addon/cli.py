@@ -109,7 +109,7 @@ def run_job(project: Project) -> Job[ProjectResult]:
 
     from ..core.project.repeated import are_unchanged, keep_unchanged, outputs_key
     from ..core.project.store import Store
-    from ..core.report import project_report
+    from ..core.report import project_report, write_report_job
     from .bridge.projects import previews_job, show_result
     from .outputs import Wanted, outputs_job
     from .preferences import preview_size
@@ -117,6 +117,11 @@ def run_job(project: Project) -> Job[ProjectResult]:
     versions = {"blender": bpy.app.version_string}
     result = yield from part(run_project_job(project, versions), 0.0, 0.8)
     output = project.output
+    if result.scan.is_cloud:  # models need faces: the coloured points are written already
+        if output.report:
+            path = output.folder / f"{output.name}_report.html"
+            yield from part(write_report_job(project_report(result), path), 0.8, 1.0)
+        return result
     folder, layers = output.folder.resolve(), tuple(sorted(result.layers, key=lambda layer: layer != ""))
     models = tuple(model.path.stem for model in result.simplified.values())
     wanted = Wanted(folder, output.name, output.glb, False, output.report, output.blend, layers, models)
@@ -167,8 +172,10 @@ class ProgressPrinter:
         for name, model in result.simplified.items():
             print(f"  Simplified model{f' of {name}' if name else ''}: {model.told}")
         folder = result.project.output.folder.resolve()
-        covered = f"{100 * result.textured.coverage:.1f} % of the surface covered"
-        self._print(1.0, f"{covered}; written to {folder}")
+        told = [f"{100 * cloud.coverage:.1f} % of the points coloured" for cloud in result.clouds.values()]
+        if result.textured is not None:
+            told = [f"{100 * result.textured.coverage:.1f} % of the surface covered"]
+        self._print(1.0, f"{', '.join(told)}; written to {folder}")
 
 
 def describe(pose: PhotoPose) -> str:

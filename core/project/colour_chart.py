@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -15,6 +16,9 @@ from ..photos.image import read_image
 from ..texture.colour_chart import REFERENCE, find_colour_chart
 from ..texture.colour_correction import ColourCorrection, Method, fit_correction
 from .textures import TexturedScan
+
+if TYPE_CHECKING:  # the cloud's room reads the entries of charts
+    from .cloud import ColouredCloud
 
 _SMOOTHING = (0.01, 0.02, 0.04, 0.06)
 """Parts of its length by which an outline is straightened until four corners are left."""
@@ -83,7 +87,9 @@ def quadrilateral(mask: BoolArray) -> tuple[tuple[float, float], ...]:
     raise PhotoError("The colour chart's mark has not four corners: mark its field of patches as a polygon.")
 
 
-def correction_for(chart: ChartResult, entry: ColourChartEntry, textured: TexturedScan) -> ColourCorrection:
+def correction_for(
+    chart: ChartResult, entry: ColourChartEntry, textured: TexturedScan | ColouredCloud
+) -> ColourCorrection:
     """Return the correction for colours after a texture's gains.
 
     The gain is that of the chart's photo; a chart photographed apart, in the same light and with the same

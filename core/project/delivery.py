@@ -91,6 +91,11 @@ def colour_job(
     selection, levels = yield from part(corrected_job(textured, settings), 0.0, 0.4)
     job = colour_vertices_job(textured.vertices, textured.faces, selection, textured.views, levels)
     colours: Colours = yield from part(job, 0.4, 1.0)
+    return corrected_colours(colours, correction)
+
+
+def corrected_colours(colours: Colours, correction: ColourCorrection | None) -> Colours:
+    """Colours made true by a correction; those that no photo gave stay."""
     if correction is None:
         return colours
     true = to_bytes(to_srgb(correction.apply(to_linear(colours.rgb))))

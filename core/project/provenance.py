@@ -41,7 +41,7 @@ def provenance(
     digests: Mapping[Path, str],
     scan: Scan,
     poses: Sequence[PhotoPose],
-    textured: TexturedScan,
+    textured: TexturedScan | None,
     seconds: Mapping[str, float],
     layers: Mapping[str, TexturedScan] | None = None,
     versions: Mapping[str, str] | None = None,
@@ -81,7 +81,9 @@ def provenance(
             _photo(entry, pose, scan, (layers or {}).get(entry.layer, textured))
             for entry, pose in zip(project.photos, poses, strict=True)
         ],
-        "texture": {
+        "texture": {}
+        if textured is None
+        else {
             "faces": len(textured.faces),
             "coverage": textured.coverage,
             "photo_per_face": f"{project.output.name}_faces.npz",
@@ -131,7 +133,7 @@ def local_translation(rotation: FloatArray, translation: FloatArray, offset: Flo
     return moved
 
 
-def _photo(entry: PhotoEntry, result: PhotoPose, scan: Scan, textured: TexturedScan) -> dict[str, Any]:
+def _photo(entry: PhotoEntry, result: PhotoPose, scan: Scan, textured: TexturedScan | None) -> dict[str, Any]:
     out: dict[str, Any] = {
         "name": entry.photo.name,
         "layer": entry.layer,
@@ -143,7 +145,7 @@ def _photo(entry: PhotoEntry, result: PhotoPose, scan: Scan, textured: TexturedS
         "regions": list(result.regions),
         "solved": result.solved,
         "failure": result.failure,
-        "faces": _face_count(entry, textured),
+        "faces": 0 if textured is None else _face_count(entry, textured),
     }
     if result.pose is not None:
         pose, sure = result.pose, result.sure_pose

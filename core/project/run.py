@@ -21,7 +21,8 @@ from ..regions.surface_region import SurfaceRegion
 from ..scans.read import read_scan_job
 from ..scans.scan import Scan
 from ..settings import ScanSettings
-from .colour_chart import ChartResult, read_chart_job
+from .cloud import ColouredCloud, check_cloud, colour_cloud_job, write_coloured_cloud
+from .colour_chart import ChartResult, correction_for, read_chart_job
 from .digest import file_digest
 from .entries import PhotoEntry, Project
 from .exported import cameras_path, solved_cameras, write_cameras
@@ -49,7 +50,8 @@ class ProjectResult:
     `provenance` is what the JSON file beside the output says; `seconds` the time of every stage. `layers` has
     the texture of every set of photos by its name; `textured` is that of the photos without a `layer`, else
     the first one. `charts` has the colour chart of every layer that names one, `simplified` the layers'
-    simplified models.
+    simplified models. A point cloud has no texture: `textured` is None, and `clouds` has the coloured points
+    of every layer.
     """
 
     project: Project
@@ -57,13 +59,14 @@ class ProjectResult:
     region_faces: dict[str, IntArray]
     surfaces: dict[str, SurfaceRegion]
     poses: list[PhotoPose]
-    textured: TexturedScan
+    textured: TexturedScan | None
     provenance: dict[str, Any]
     seconds: dict[str, float]
     occluders: tuple[Scan, ...] = ()
     layers: dict[str, TexturedScan] = field(default_factory=dict)
     charts: dict[str, ChartResult] = field(default_factory=dict)
     simplified: dict[str, SimplifiedModel] = field(default_factory=dict)
+    clouds: dict[str, ColouredCloud] = field(default_factory=dict)
 
     @property
     def photos(self) -> list[Photo]:
@@ -89,6 +92,8 @@ def run_project_job(project: Project, versions: Mapping[str, str] | None = None)
     digests = yield from part(_timed(check_inputs_job(project), clock, "check"), 0.0, 0.04)
     charts = yield from part(_charts_job(project), 0.04, 0.05)
     scan, occluders = yield from part(_timed(read_scans_job(project), clock, "scan"), 0.05, 0.15)
+    if scan.is_cloud:
+        check_cloud(project, scan)
     faces = region_faces(project, scan)
     surfaces = surface_regions(scan, faces) | opening_regions(project, scan)
     check_partners(project, surfaces)
@@ -99,22 +104,30 @@ def run_project_job(project: Project, versions: Mapping[str, str] | None = None)
         job = _timed(_refine_job(project, scan, poses, store), clock, "refinement")
         poses = yield from part(job, 0.35, 0.55)
         project = _with_lenses(project, poses)
-    texture_job = _texture_job(project, scan, poses, occluders, store)
-    layers = yield from part(_timed(texture_job, clock, "texture"), 0.55, 0.9)
-    textured = layers.get("") or next(iter(layers.values()))
-    models = models_job(project, scan, layers, store, charts, occluders)
-    simplified = yield from part(_timed(models, clock, "models"), 0.9, 1.0)
+    layers: dict[str, TexturedScan] = {}
+    clouds: dict[str, ColouredCloud] = {}
+    simplified: dict[str, SimplifiedModel] = {}
+    if scan.is_cloud:
+        colour_job = _cloud_job(project, scan, poses, charts)
+        clouds = yield from part(_timed(colour_job, clock, "colours"), 0.55, 1.0)
+    else:
+        texture_job = _texture_job(project, scan, poses, occluders, store)
+        layers = yield from part(_timed(texture_job, clock, "texture"), 0.55, 0.9)
+        models = models_job(project, scan, layers, store, charts, occluders)
+        simplified = yield from part(_timed(models, clock, "models"), 0.9, 1.0)
+    textured = layers.get("") or next(iter(layers.values()), None)
     for file_format in project.output.cameras:
         path = cameras_path(project.output.folder, project.output.name, file_format)
         write_cameras(path, solved_cameras([e.photo for e in project.photos], poses, scan), file_format)
     record = provenance(project, digests, scan, poses, textured, clock, layers, versions or {})
+    record["clouds"] = {name: {"coverage": cloud.coverage} for name, cloud in clouds.items()}
     record["colour_charts"] = {name: chart.told for name, chart in charts.items()}
     record["simplified"] = {name: model.told for name, model in simplified.items()}
     for name, of_layer in layers.items():
         write_photo_per_face(output_path(project, layer_ending(name, "_faces.npz")), scan, of_layer)
     write_provenance(output_path(project, "_provenance.json"), record)
     hiding = tuple(occluders)
-    found = (layers, charts, simplified)
+    found = (layers, charts, simplified, clouds)
     return ProjectResult(project, scan, faces, surfaces, poses, textured, record, clock, hiding, *found)
 
 
@@ -286,15 +299,32 @@ def _given(entry: PhotoEntry, scan: Scan) -> PhotoPose:
     return PhotoPose(entry.photo.name, Pose(rotation, local, np.full((6, 6), np.nan)), given=True)
 
 
+def _used(project: Project, poses: list[PhotoPose]) -> list[tuple[PhotoEntry, PhotoPose]]:
+    """Photos that have a pose and may be used for texture."""
+    pairs = zip(project.photos, poses, strict=True)
+    return [(entry, result) for entry, result in pairs if entry.use == "texture" and result.solved]
+
+
+def _cloud_job(
+    project: Project, scan: Scan, poses: list[PhotoPose], charts: Mapping[str, ChartResult]
+) -> Job[dict[str, ColouredCloud]]:
+    """Colour the points of a cloud from every layer, and write them."""
+    used = _used(project, poses)
+    views = [view_of(entry.photo, result) for entry, result in used]
+    clouds = yield from colour_cloud_job(scan, views, [entry.layer for entry, _ in used], project.texture)
+    entries = {entry.layer: entry for entry in project.charts}
+    for name, cloud in clouds.items():
+        path = output_path(project, layer_ending(name, "_colours.ply"))
+        true = correction_for(charts[name], entries[name], cloud) if name in charts else None
+        write_coloured_cloud(path, cloud, scan.offset, true)
+    return clouds
+
+
 def _texture_job(
     project: Project, scan: Scan, poses: list[PhotoPose], occluders: list[Scan], store: Store
 ) -> Job[dict[str, TexturedScan]]:
     """Texture every layer from the photos that have a pose and may be used for it."""
-    used = [
-        (entry, result)
-        for entry, result in zip(project.photos, poses, strict=True)
-        if entry.use == "texture" and result.solved
-    ]
+    used = _used(project, poses)
     return texture_layers_job(
         scan,
         [view_of(entry.photo, result) for entry, result in used],

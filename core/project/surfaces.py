@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from ..arrays import AnyArray, IntArray
-from ..errors import ProjectError, RegionError, ScanError
+from ..errors import ProjectError, RegionError
+from ..regions.cloud_region import cloud_region
 from ..regions.opening import opening_region
 from ..regions.surface_files import found_again, read_face_regions
 from ..regions.surface_region import SurfaceRegion
@@ -19,12 +20,11 @@ from .table import hint
 
 
 def region_faces(project: Project, scan: Scan) -> dict[str, IntArray]:
-    """Face indices of every region of the project.
+    """Face indices of every region of the project; of a point cloud, its point indices.
 
-    Raises ScanError for a point cloud; ProjectError for label arrays that do not fit the scan, unknown face
+    Raises ProjectError for label arrays that do not fit the scan, unknown face
     sets, empty regions, and kept ones that are not in the scan.
     """
-    _check_faces(scan)
     entries = project.regions
     found: dict[str, IntArray] = dict(scan.face_sets) if entries.all_face_sets else {}
     for name, face_set in entries.face_sets.items():
@@ -38,16 +38,22 @@ def region_faces(project: Project, scan: Scan) -> dict[str, IntArray]:
         found.update(_found_again(project.path, entries.kept, scan))
     for name, faces in found.items():
         if len(faces) == 0:
-            raise ProjectError(project.path, f"region.{name}", f"no face of {scan.name} belongs to it")
+            raise ProjectError(
+                project.path, f"region.{name}", f"no {_element(scan)} of {scan.name} belongs to it"
+            )
     return found
 
 
-def _check_faces(scan: Scan) -> None:
-    if scan.is_cloud:
-        raise ScanError(
-            f"{scan.name}: the scan has no faces, it is a point cloud; regions and texture need a mesh, mesh "
-            "it first"
-        )
+def _element(scan: Scan) -> str:
+    """What the numbers of a region count."""
+    return "point" if scan.is_cloud else "face"
+
+
+def _file_elements(scan: Scan) -> tuple[IntArray, int]:
+    """Number in the file of every face (or point) of the scan, and how many the file has."""
+    if not scan.is_cloud:
+        return scan.file_faces, scan.file_face_count
+    return np.arange(len(scan.vertices), dtype=np.int32), len(scan.vertices)
 
 
 def _found_again(project: Path, kept: Path, scan: Scan) -> dict[str, IntArray]:
@@ -61,21 +67,25 @@ def _found_again(project: Path, kept: Path, scan: Scan) -> dict[str, IntArray]:
 
 def _labelled(project: Path, source: LabelSource, scan: Scan) -> dict[str, IntArray]:
     array = _read_array(project, source)
+    elements, count = _file_elements(scan)
     if source.names:
-        if array.shape != (scan.file_face_count,):
+        if array.shape != (count,):
             reason = (
                 f"{source.path.name} holds labels of shape {array.shape}, but the scan's file has "
-                f"{scan.file_face_count} faces"
+                f"{count} {_element(scan)}s"
             )
             raise ProjectError(project, "regions.labels", reason)
-        labels = array[scan.file_faces]
+        labels = array[elements]
         return {name: np.flatnonzero(labels == n).astype(np.int32) for n, name in source.names.items()}
-    chosen = np.zeros(scan.file_face_count, dtype=np.bool_)
+    if scan.is_cloud:  # points may have been dropped; a number for each would tell, a list of indices not
+        reason = "names faces of a mesh; mark the points of a cloud by labels, a number for each"
+        raise ProjectError(project, f"region.{source.name}", reason)
+    chosen = np.zeros(count, dtype=np.bool_)
     if array.ndim != 1 or (array.size and not 0 <= int(array.min()) <= int(array.max()) < len(chosen)):
         reason = f"{source.path.name} has to hold face indices from 0 to {len(chosen) - 1}"
         raise ProjectError(project, f"region.{source.name}", reason)
     chosen[array] = True
-    return {source.name: np.flatnonzero(chosen[scan.file_faces]).astype(np.int32)}
+    return {source.name: np.flatnonzero(chosen[elements]).astype(np.int32)}
 
 
 def _read_array(project: Path, source: LabelSource) -> AnyArray:
@@ -116,9 +126,10 @@ def _array_name(project: Path, source: LabelSource, names: list[str]) -> str:
 def surface_regions(scan: Scan, faces: Mapping[str, IntArray]) -> dict[str, SurfaceRegion]:
     """Surface regions in the scan's local coordinates, each with the vertices it needs.
 
-    Raises ScanError for a point cloud and RegionError for a region without area.
+    The points of a cloud get an outline. Raises RegionError for a region without area or without outline.
     """
-    _check_faces(scan)
+    if scan.is_cloud:
+        return {name: cloud_region(scan.vertices[chosen], name) for name, chosen in faces.items()}
     surfaces = {}
     for name, chosen in faces.items():
         used, corners = np.unique(scan.faces[chosen].ravel(), return_inverse=True)

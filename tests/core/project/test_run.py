@@ -6,7 +6,7 @@ import os
 import cv2
 import numpy as np
 import pytest
-from fresco.core.errors import OutputError, PhotoError, PoseNotFound, ProjectError, ScanError, TextureError
+from fresco.core.errors import OutputError, PhotoError, PoseNotFound, ProjectError, TextureError
 from fresco.core.geometry.rigid import rotation_angle
 from fresco.core.photos import read_image
 from fresco.core.project import poses as pose_stage
@@ -282,13 +282,13 @@ def test_labels_that_do_not_fit_the_scan(corner, labels, reason):
     assert not (path.parent / "out").exists()
 
 
-def test_a_scan_without_faces_is_told_before_its_labels(corner):
+def test_labels_of_faces_do_not_fit_a_cloud(corner):
     path, _ = corner()
     scan = path.parent / "scan.ply"
     lines = scan.read_text().splitlines()
     kept = [line for line in lines if not line.startswith(("3 ", "element face", "property list"))]
     scan.write_text("\n".join(kept) + "\n")
-    with pytest.raises(ScanError, match="scan: the scan has no faces, it is a point cloud; regions and"):
+    with pytest.raises(ProjectError, match=r"but the scan's file has \d+ points"):
         run(path)
 
 
