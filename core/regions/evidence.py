@@ -159,13 +159,21 @@ def scores(
 
     -inf where the photo looks alike on both sides of all sides: such an outline bounds nothing.
     """
+    evidence, bounds = measured(edges, look, outlines, click, straight)
+    return np.where(bounds, evidence @ np.array(list(WEIGHTS.values())), -np.inf)
+
+
+def measured(
+    edges: Gradient, look: Look, outlines: Outlines, click: FloatArray, straight: BoolArray
+) -> tuple[FloatArray, BoolArray]:
+    """Evidence (N,14) in the order of `WEIGHTS`, and whether the photo looks unlike across any side (N,)."""
     inner, outer = _strip(look, outlines, -1.0), _strip(look, outlines, 1.0)
     core = _moments(look, outlines.points[..., None, :] + _towards_middle(outlines))
     step, change = _unlike(inner, outer), _unlike(inner, core)
     seen = np.column_stack([_edge_evidence(edges, outlines), step.min(axis=1), change.mean(axis=1)])
     evidence = np.column_stack([seen, priors(edges, outlines, click, straight)])
-    total: FloatArray = evidence @ np.array(list(WEIGHTS.values()))
-    return np.where(step.max(axis=(1, 2)) < _FAINT, -np.inf, total)
+    bounds: BoolArray = step.max(axis=(1, 2)) >= _FAINT
+    return evidence, bounds
 
 
 def _edge_evidence(edges: Gradient, outlines: Outlines) -> FloatArray:

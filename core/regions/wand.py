@@ -75,6 +75,15 @@ class PhotoWand:
             The click is outside the photo, nothing around it has an outline, or what has one goes on outside.
         """
         point = self._inside(pixel)
+        return self._levels(*self.candidates(point, kind), point)
+
+    def candidates(
+        self, point: FloatArray, kind: Kind = "auto"
+    ) -> tuple[list[FloatArray], evidence.Outlines, BoolArray]:
+        """All outlines around a point (2,), in pixels of the working copy: closed loops (n,2).
+
+        With them what of them is judged, and which of them (N,) are frames of straight sides.
+        """
         loops: list[FloatArray] = []
         parts: list[evidence.Outlines] = []
         if kind != "colour":
@@ -85,7 +94,7 @@ class PhotoWand:
         if kind != "frame":
             loops += grown_loops(self.ground, point)
             parts += [evidence.outline_of_loop(loop) for loop in loops[count:]]
-        return self._levels(loops, evidence.joined_outlines(parts), point, np.arange(len(loops)) < count)
+        return loops, evidence.joined_outlines(parts), np.arange(len(loops)) < count
 
     def grow(self, pixel: Sequence[float] | FloatArray, tolerance: float) -> Level:
         """Region of like colour around a pixel with a given tolerance (Delta E)."""
@@ -104,7 +113,7 @@ class PhotoWand:
         return fill_loops(loops, self.image.shape[1], self.image.shape[0])
 
     def _levels(
-        self, loops: list[FloatArray], outlines: evidence.Outlines, point: FloatArray, straight: BoolArray
+        self, loops: list[FloatArray], outlines: evidence.Outlines, straight: BoolArray, point: FloatArray
     ) -> WandClick:
         """Offer the best outlines, each unlike the others and whole in the photo."""
         if not loops:
@@ -112,7 +121,7 @@ class PhotoWand:
                 "Nothing here has a closed outline: draw the region with the polygon or lasso tool."
             )
         score = evidence.scores(self.gradient, self.look, outlines, point, straight)
-        score[self._cut_off(outlines)] = -np.inf
+        score[self.cut_off(outlines)] = -np.inf
         if not np.any(np.isfinite(score)):
             raise RegionError(
                 "What is here goes on outside the photo, as sky or a wall does: click a region that "
@@ -127,7 +136,7 @@ class PhotoWand:
         ordered = sorted(levels, key=lambda level: level.area)
         return WandClick(tuple(ordered), ordered.index(levels[0]))
 
-    def _cut_off(self, outlines: evidence.Outlines) -> BoolArray:
+    def cut_off(self, outlines: evidence.Outlines) -> BoolArray:
         """Whether outlines (N,) run along the photo's edge."""
         height, width = self.gradient.u.shape
         last = np.array([width, height]) - 1 - _BORDER

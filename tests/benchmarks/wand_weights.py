@@ -1,0 +1,157 @@
+"""Learn the weights of the photo wand from drawn facades: `python tests/benchmarks/wand_weights.py`.
+
+One click near the middle of every region of `wand_facades`; the wand's own candidates there are measured, and
+each has its overlap (IoU) with the region. A logistic choice among the candidates of a click, which goes to
+those of high overlap, gives the weights. Printed are the overlaps that three-fold cross-validation by facade
+reaches, and the weights as `evidence.WEIGHTS` has them. Seeds of other facades: `--seeds FIRST COUNT ...`.
+"""
+
+import argparse
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import cv2
+import numpy as np
+from fresco.core.regions import edges, evidence
+from fresco.core.regions.frames import polygon_moments
+from fresco.core.regions.wand import prepare_wand
+from scipy.optimize import minimize
+from wand_facades import facade
+
+SEEDS = (100, 20, 200, 20)  # first and count, twice
+FOLDS = 3
+REGULARISATION = 3e-3
+SPREAD = 0.12  # of clicks around the middle, in standard deviations of the region
+OFFERED = 0.8  # overlap that some candidate has to reach: else there is nothing to choose
+CENTRAL = -0.8  # log odds of the click under the best candidate: below, it is not of this region's middle
+FREE = {"rival edge outwards of the sides", "outline of like colour, not of straight lines"}  # of any sign
+NEGATIVE = {
+    "rival edge inwards of the sides",
+    "colour differs between sides and middle",
+    "texture differs between sides and middle",
+    "opposite sides are not parallel",
+    "outline is dented (log)",
+    "smaller than regions are (log2)",
+    "larger than regions are (log2)",
+}
+NAMES = list(evidence.WEIGHTS)
+
+
+def overlaps(loops, truth):
+    """IoU (N,) of closed loops with an outline, at half size."""
+    points = np.concatenate([*loops, truth])
+    low = points.min(axis=0)
+    size = ((points.max(axis=0) - low) / 2).astype(int) + 2
+
+    def drawn(loop):
+        mask = np.zeros((size[1], size[0]), np.uint8)
+        cv2.fillPoly(mask, [np.round((loop - low) / 2).astype(np.int32)], 1)
+        return mask > 0
+
+    inside = drawn(truth)
+    masks = [drawn(loop) for loop in loops]
+    return np.array([np.count_nonzero(m & inside) / np.count_nonzero(m | inside) for m in masks])
+
+
+def choices(seed):
+    """One (evidence (N,14), IoU (N,)) for every region of a facade that can be chosen."""
+    image, regions = facade(seed)
+    wand = prepare_wand(np.ascontiguousarray(image[:, :, ::-1]))
+    rng = np.random.default_rng(seed + 1000)
+    found = []
+    for _, outline in regions:
+        truth = edges.to_reduced(outline, wand.factor)
+        middle, spread = polygon_moments(truth[None])
+        if np.linalg.eigvalsh(spread[0])[0] < 4:
+            continue
+        off = rng.normal(0, SPREAD * rng.choice([0, 1, 1, 3]), 2)
+        click = middle[0] + np.linalg.cholesky(spread[0]) @ off
+        loops, outlines, straight = wand.candidates(click)
+        values, bounds = evidence.measured(wand.gradient, wand.look, outlines, click, straight)
+        usable = bounds & ~wand.cut_off(outlines)
+        if usable.any():
+            shares = overlaps(loops, truth)
+            found.append((np.nan_to_num(values[usable]), shares[usable]))
+    return found
+
+
+def teachable(choice):
+    """Whether a good candidate is there, and the click is near its middle."""
+    values, shares = choice
+    best = np.argmax(shares)
+    return shares[best] > OFFERED and values[best, NAMES.index("the click is central (log odds)")] > CENTRAL
+
+
+def loss(weights, clicks):
+    """Mean log loss of the choice, regularised, and its gradient."""
+    total, slope = 0.0, np.zeros_like(weights)
+    for values, shares in clicks:
+        score = values @ weights
+        chance = np.exp(score - score.max())
+        chance /= chance.sum()
+        good = chance * (np.clip((shares - 0.75) / 0.2, 0, 1) ** 2 + 1e-9)
+        total -= np.log(good.sum())
+        slope -= values.T @ (good / good.sum() - chance)
+    count = len(clicks)
+    return (
+        total / count + REGULARISATION * weights @ weights,
+        slope / count + 2 * REGULARISATION * weights,
+    )
+
+
+def learned(clicks):
+    """Weights (14,) from clicks; each has the sign that its evidence must have."""
+    values = np.concatenate([values for values, _ in clicks])
+    scale = values.std(axis=0) + 1e-9
+    bounds = [(None, None) if n in FREE else (None, 0) if n in NEGATIVE else (0, None) for n in NAMES]
+    scaled = [(v / scale, shares) for v, shares in clicks]
+    found = minimize(loss, np.zeros(len(NAMES)), (scaled,), jac=True, method="L-BFGS-B", bounds=bounds)
+    return found.x / scale
+
+
+def chosen(weights, clicks):
+    """IoU of the candidate that the weights choose, for every click."""
+    return np.array([shares[np.argmax(values @ weights)] for values, shares in clicks])
+
+
+def validated(facades):
+    """IoU of the choice on every usable click, by weights learned from the other facades."""
+    fold = np.arange(len(facades)) * FOLDS // len(facades)
+    reached = []
+    for k in range(FOLDS):
+        others = [
+            c for f, clicks in zip(fold, facades, strict=True) if f != k for c in clicks if teachable(c)
+        ]
+        held = [c for f, clicks in zip(fold, facades, strict=True) if f == k for c in clicks]
+        reached.append(chosen(learned(others), held))
+    return np.concatenate(reached)
+
+
+def summary(name, shares):
+    print(
+        f"{name}: IoU median {np.median(shares):.3f}, mean {shares.mean():.3f}, "
+        f"over 0.8 {np.mean(shares > 0.8):.3f}",
+        flush=True,
+    )
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", nargs="+", type=int, default=SEEDS, metavar="N")
+    seeds = parser.parse_args().seeds
+    spans = zip(seeds[::2], seeds[1::2], strict=True)
+    facades = [choices(first + k) for first, count in spans for k in range(count)]
+    clicks = [choice for found in facades for choice in found]
+    usable = [choice for choice in clicks if teachable(choice)]
+    summary(f"best candidate of {len(clicks)} clicks", np.array([shares.max() for _, shares in clicks]))
+    summary("present weights", chosen(np.array(list(evidence.WEIGHTS.values())), clicks))
+    summary("cross-validated", validated(facades))
+    print(f"WEIGHTS from {len(usable)} clicks")
+    for name, value in zip(NAMES, learned(usable), strict=True):
+        print(f'    "{name}": {value:.2f},')
+
+
+if __name__ == "__main__":
+    main()
