@@ -122,19 +122,22 @@ class Problem:
             by_camera = np.concatenate([by_camera, slopes], axis=2)
         weighted = by_camera * weight[:, None, None]
         weighted_world = by_world * weight[:, None, None]
+        turned = np.swapaxes(weighted, 1, 2)
+        across: FloatArray = np.matmul(turned, by_world)
+        outer_point: FloatArray = np.matmul(np.swapaxes(weighted_world, 1, 2), by_world)
         to_view = summing(tracks.view, count)
         to_track = summing(tracks.track, tracks.count)
         scan_cost, point, point_gradient = self._scan_system(network)
         prior_cost, camera, camera_gradient = self._prior_system(network)
         lens_cost, lens, lens_gradient = self._lens_system(network)
-        outer = sum_groups(to_view, np.einsum("mia,mib->mab", weighted, by_camera))
+        outer = sum_groups(to_view, turned @ by_camera)
         pull = sum_groups(to_view, np.einsum("mia,mi->ma", weighted, pixel))
         outer[:, :6, :6] += camera
         pull[:, :6] += camera_gradient
         return System(
             outer,
-            point + sum_groups(to_track, np.einsum("mia,mib->mab", weighted_world, by_world)),
-            np.einsum("mia,mib->mab", weighted, by_world),
+            point + sum_groups(to_track, outer_point),
+            across,
             pull,
             point_gradient + sum_groups(to_track, np.einsum("mia,mi->ma", weighted_world, pixel)),
             lens,
