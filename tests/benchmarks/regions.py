@@ -23,6 +23,7 @@ import trimesh
 from fresco.core.regions.surface_index import index_surface
 from fresco.core.regions.surface_wand import grow_surface, region_faces
 from fresco.core.regions.wand import prepare_wand, prepare_wand_job
+from region_scans import facade_tables
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data" / "fountain-P11"
@@ -165,7 +166,7 @@ def tables(photos, surfaces, seconds):
     ]
     middle = np.median([row[1:] for row in surfaces], axis=0)
     lines.append(f"| median | {middle[0]:.3f} | {middle[1]:.3f} | {middle[2]:.2f} |")
-    return "\n".join(lines)
+    return "\n".join([*lines, *facade_tables()])
 
 
 def write(text):
