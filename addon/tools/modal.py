@@ -11,9 +11,12 @@ import bpy
 from ...core.jobs import Job, Progress
 from ..jobs import SLICE, StepOperator
 from .background import beside_job
+from .prepared import STORE, LastClick
 
 NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "WHEELINMOUSE", "WHEELOUTMOUSE"}
 CONFIRM = {"RET", "NUMPAD_ENTER"}
+LARGER = {"NUMPAD_PLUS", "PLUS", "EQUAL"}
+SMALLER = {"NUMPAD_MINUS", "MINUS"}
 KEYS = "Enter: accept   Esc, right click: cancel"
 
 
@@ -21,6 +24,13 @@ def one_step_job(work: Callable[[], Any]) -> Job[Any]:
     """Job of a function that cannot be cut."""
     yield Progress(0.5, "Finishing the outline")
     return work()
+
+
+def key_steps(event: bpy.types.Event) -> int:
+    """Steps of the wand's tolerance that a key asks for: plus and minus."""
+    if event.value != "PRESS":
+        return 0
+    return (event.type in LARGER) - (event.type in SMALLER)
 
 
 class MarkingOperator(StepOperator):
@@ -155,3 +165,37 @@ class MarkingOperator(StepOperator):
     def cancel(self, context: bpy.types.Context) -> None:
         """Blender ends the operator by itself."""
         self._end(context)
+
+
+class WandStroke(MarkingOperator):
+    """Mixin: a click that finds regions of several sizes, of which dragging and keys choose one.
+
+    `found` is what the click has found, `steps` how many sizes the chosen one is from the best.
+    """
+
+    step_width = 14
+    """Screen pixels of dragging per size."""
+    hint = "Drag right, left or plus, minus: larger, smaller   Shift: add   Ctrl: take away"
+
+    def begin(self, context: bpy.types.Context, prepared: Any) -> None:
+        self.found = prepared
+        self.steps = self.by_key = 0
+
+    def handle(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
+        self.by_key += key_steps(event)
+        self.steps = round((self.path[-1][0] - self.pressed[0]) / self.step_width) + self.by_key
+        return self.released
+
+    def keep_click(self, context: bpy.types.Context, click: Any) -> None:
+        """Let keys change the click later; `click` knows its region `uid` and how to `write` another size."""
+        STORE.click = LastClick(click.uid, self._area.type, click.write)
+        context.scene.fresco_marking.wand_steps = self.steps
+
+
+class BrushStroke(MarkingOperator):
+    """Mixin: a stroke that adds to the chosen region, and takes away with Ctrl; it never begins anew."""
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        started = super().invoke(context, event)
+        self.mode = "subtract" if event.ctrl else "add"
+        return started

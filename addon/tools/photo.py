@@ -19,21 +19,12 @@ from ..bridge.regions import region_of
 from ..overlays.lines import circle, draw_loops
 from ..properties import FrescoPhoto
 from . import targets
-from .modal import MarkingOperator
-from .prepared import STORE, LastClick, photo_job
+from .background import beside_job
+from .modal import BrushStroke, MarkingOperator, WandStroke, one_step_job
+from .prepared import STORE, photo_job
 
 PREVIEW = (1.0, 0.85, 0.2)
-_STEP = 14  # screen pixels of dragging per level of the wand
 _CLOSE = 12  # screen pixels from the first corner at which a click closes a polygon
-LARGER = {"NUMPAD_PLUS", "PLUS", "EQUAL"}
-SMALLER = {"NUMPAD_MINUS", "MINUS"}
-
-
-def key_steps(event: bpy.types.Event) -> int:
-    """Steps of the wand's tolerance that a key asks for: plus and minus."""
-    if event.value != "PRESS":
-        return 0
-    return (event.type in LARGER) - (event.type in SMALLER)
 
 
 class PhotoStroke(MarkingOperator):
@@ -66,28 +57,21 @@ class PhotoStroke(MarkingOperator):
         targets.mark_photo(context, self.target(context), result, self.mode)
 
 
-class FRESCO_OT_photo_wand(PhotoStroke, bpy.types.Operator):
+class FRESCO_OT_photo_wand(PhotoStroke, WandStroke, bpy.types.Operator):
     bl_idname = "fresco.photo_wand"
     bl_label = "Region Wand"
     bl_description = (
         "Click a region; drag right or left, or press plus or minus, for a larger or smaller one. Shift "
         "adds, Ctrl takes away"
     )
-    hint = "Drag right, left or plus, minus: larger, smaller   Shift: add   Ctrl: take away"
 
-    def job(self, context: bpy.types.Context) -> Job[PhotoWand]:
-        return photo_job(self.target(context))
-
-    def begin(self, context: bpy.types.Context, prepared: PhotoWand) -> None:
-        self.wand = prepared
+    def job(self, context: bpy.types.Context) -> Job[WandClick]:
         pixel = targets.to_pixel(context, *self.pressed, self.size)
-        self.found = prepared.click(pixel, context.scene.fresco_marking.kind)
-        self.steps = self.by_key = 0
+        return self._click_job(self.target(context), pixel, context.scene.fresco_marking.kind)
 
-    def handle(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
-        self.by_key += key_steps(event)
-        self.steps = round((self.path[-1][0] - self.pressed[0]) / _STEP) + self.by_key
-        return self.released
+    def _click_job(self, photo: FrescoPhoto, pixel: FloatArray, kind: str) -> Job[WandClick]:
+        self.wand = wand = yield from photo_job(photo)
+        return (yield from beside_job(one_step_job(lambda: wand.click(pixel, kind))))
 
     def draw_stroke(self) -> None:
         outline = self.found.level(self.steps).outline
@@ -109,8 +93,7 @@ class FRESCO_OT_photo_wand(PhotoStroke, bpy.types.Operator):
         if self.mode == "replace":
             earlier = None
         click = PhotoClick(self.wand, self.found, self.photo_name, region.uid, self.mode, earlier)
-        STORE.click = LastClick(region.uid, "IMAGE_EDITOR", click.write)
-        context.scene.fresco_marking.wand_steps = self.steps
+        self.keep_click(context, click)
 
 
 def mark_pixels(mark: object) -> BoolArray | None:
@@ -207,17 +190,12 @@ class FRESCO_OT_photo_grabcut(DrawnStroke, bpy.types.Operator):
         return lambda: grab_cut(pixels, rough)
 
 
-class FRESCO_OT_photo_brush(DrawnStroke, bpy.types.Operator):
+class FRESCO_OT_photo_brush(BrushStroke, DrawnStroke, bpy.types.Operator):
     bl_idname = "fresco.photo_brush"
     bl_label = "Region Brush"
     bl_description = "Paint a region. Adds to the chosen one; Ctrl takes away"
     closed = False
     hint = "Paint the region   Ctrl: take away"
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        started = super().invoke(context, event)
-        self.mode = "subtract" if event.ctrl else "add"
-        return started
 
     def needs_photo(self, context: bpy.types.Context) -> bool:
         return False

@@ -4,27 +4,28 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 
 import bpy
 import numpy as np
 from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_3d
 
-from ...core.arrays import BoolArray, FloatArray
+from ...core.arrays import BoolArray, Float32Array, FloatArray, IndexArray
 from ...core.errors import RegionError
 from ...core.jobs import Job
 from ...core.regions.outline import combined, polygon_mask
-from ...core.regions.surface_wand import SurfaceClick, grow_surface, region_faces
+from ...core.regions.surface_wand import SurfaceClick, SurfaceLevel, grow_surface, region_faces
 from ..bridge import regions as bridge
 from ..bridge.regions import region_of
 from ..bridge.world import matrix_to_array
 from ..overlays.lines import circle, draw_loops
 from ..overlays.scan import draw_faces
 from . import targets
-from .modal import MarkingOperator
-from .photo import PREVIEW, key_steps
-from .prepared import STORE, LastClick, PreparedScan, face_mask, scan_job
-
-_STEP = 24  # screen pixels of dragging per tolerance of the wand
+from .background import Preparation, beside_job
+from .modal import BrushStroke, MarkingOperator, WandStroke, one_step_job
+from .photo import PREVIEW
+from .prepared import PreparedScan, face_mask, scan_job
 
 
 class ScanStroke(MarkingOperator):
@@ -65,42 +66,43 @@ class ScanStroke(MarkingOperator):
         return np.array(origins, dtype=np.float64), np.array(towards, dtype=np.float64)
 
 
-class FRESCO_OT_scan_wand(ScanStroke, bpy.types.Operator):
+class FRESCO_OT_scan_wand(ScanStroke, WandStroke, bpy.types.Operator):
     bl_idname = "fresco.scan_wand"
     bl_label = "Surface Wand"
     bl_description = (
         "Click a smooth part of the scan; drag right or left, or press plus or minus, for a larger or "
         "smaller region. Shift adds, Ctrl takes away"
     )
-    hint = "Drag right, left or plus, minus: larger, smaller   Shift: add   Ctrl: take away"
+    step_width = 24
 
-    def begin(self, context: bpy.types.Context, prepared: PreparedScan) -> None:
-        super().begin(context, prepared)
-        hit = prepared.caster.first_hit(*self.rays([self.pressed]))
-        if hit.face[0] < 0:
-            raise RegionError("The click is not on the scan.")
-        self.face = int(hit.face[0])
-        self.found = grow_surface(prepared.index, self.face)
-        self.steps = self.by_key = 0
-        self._choose()
+    def job(self, context: bpy.types.Context) -> Job[GrownSurface]:
+        return self._click_job(context.scene.fresco.scan, self.rays([self.pressed]))
 
-    def _choose(self) -> None:
-        self.level = self.found.level(self.steps)
-        self.faces = region_faces(self.scan.index, self.face, self.level)
-        self.corners = self.scan.vertices[self.scan.faces[self.faces]].reshape(-1, 3).astype(np.float32)
+    def _click_job(self, scan: bpy.types.Object, ray: tuple[FloatArray, FloatArray]) -> Job[GrownSurface]:
+        self.scan = prepared = yield from scan_job(scan)
+        return (yield from beside_job(one_step_job(lambda: clicked_surface(prepared, ray))))
+
+    def begin(self, context: bpy.types.Context, prepared: GrownSurface) -> None:
+        WandStroke.begin(self, context, prepared.found)
+        self.shown = prepared
+        self._choosing: Preparation[GrownSurface] | None = None
 
     def handle(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
-        self.by_key += key_steps(event)
-        self.steps = round((self.path[-1][0] - self.pressed[0]) / _STEP) + self.by_key
-        if self.found.level(self.steps) is not self.level:
-            self._choose()
-        return self.released
+        """Choose a level in a thread; the one before is shown until its faces are known."""
+        released = WandStroke.handle(self, context, event)
+        level = self.found.level(self.steps)
+        if self._choosing is not None and self._choosing.done:
+            self.shown, self._choosing = self._choosing.result(), None
+        if self._choosing is None and self.shown.level is not level:
+            job = one_step_job(partial(grown_surface, self.scan, self.found, level))
+            self._choosing = Preparation((), job)
+        return released and self._choosing is None
 
     def draw_stroke(self) -> None:
-        draw_faces(self.corners, PREVIEW, self.view.perspective_matrix)
+        draw_faces(self.shown.corners, PREVIEW, self.view.perspective_matrix)
 
     def work(self, context: bpy.types.Context) -> Callable[[], BoolArray]:
-        faces, count = self.faces, len(self.scan.faces)
+        faces, count = self.shown.faces, len(self.scan.faces)
         return lambda: face_mask(faces, count)
 
     def apply(self, context: bpy.types.Context, result: BoolArray) -> None:
@@ -108,8 +110,33 @@ class FRESCO_OT_scan_wand(ScanStroke, bpy.types.Operator):
         earlier = None if chosen is None else bridge.read_faces(context.scene, chosen)
         region = targets.mark_scan(context, result, self.mode)
         click = ScanClick(self.scan, self.found, region.uid, self.mode, earlier)
-        STORE.click = LastClick(region.uid, "VIEW_3D", click.write)
-        context.scene.fresco_marking.wand_steps = self.steps
+        self.keep_click(context, click)
+
+
+@dataclass(frozen=True, eq=False)
+class GrownSurface:
+    """A level of a click on the scan: its faces (n,) and their corners (3n,3) m, ready to be drawn."""
+
+    found: SurfaceClick
+    level: SurfaceLevel
+    faces: IndexArray
+    corners: Float32Array
+
+
+def clicked_surface(scan: PreparedScan, ray: tuple[FloatArray, FloatArray]) -> GrownSurface:
+    """Best region around the face that a ray (1,3) m, (1,3) meets first."""
+    hit = scan.caster.first_hit(*ray)
+    if hit.face[0] < 0:
+        raise RegionError("The click is not on the scan.")
+    found = grow_surface(scan.index, int(hit.face[0]))
+    return grown_surface(scan, found, found.level())
+
+
+def grown_surface(scan: PreparedScan, found: SurfaceClick, level: SurfaceLevel) -> GrownSurface:
+    """Faces of a level of a click."""
+    faces = region_faces(scan.index, found.face, level)
+    corners = scan.vertices[scan.faces[faces]].reshape(-1, 3).astype(np.float32)
+    return GrownSurface(found, level, faces, corners)
 
 
 class ScanClick:
@@ -132,16 +159,11 @@ class ScanClick:
         return True
 
 
-class FRESCO_OT_scan_brush(ScanStroke, bpy.types.Operator):
+class FRESCO_OT_scan_brush(BrushStroke, ScanStroke, bpy.types.Operator):
     bl_idname = "fresco.scan_brush"
     bl_label = "Surface Brush"
     bl_description = "Paint a region on the scan. Adds to the chosen one; Ctrl takes away"
     hint = "Paint the region   Ctrl: take away"
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        started = super().invoke(context, event)
-        self.mode = "subtract" if event.ctrl else "add"
-        return started
 
     def draw_stroke(self) -> None:
         super().draw_stroke()
