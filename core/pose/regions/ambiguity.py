@@ -15,7 +15,7 @@ from ...settings import PoseSettings
 from ..pose import Pose
 from .algebraic import Candidates, moment_costs
 from .covariance import turn_per_pixel, world_covariance
-from .fitting import Contours, OutlineFit, finished
+from .fitting import CLEAN_SHARE, SURE_SHARE, Contours, OutlineFit, finished, fits_without_sides
 from .overlap import overlap_errors
 from .problem import Problem
 from .region_pose import RegionPose
@@ -29,11 +29,12 @@ ALIKE = 0.7
 CLOSE = 2.0
 """Difference of evidence up to which two poses are equals whatever its size."""
 
-RIVAL = 0.1
+RIVAL = 0.15
 """Least weight of a rival nearby: evidence counts stretches for independent that may not be."""
 
 NO_WORSE = 0.9
-"""Of the best's evidence, what a pose in front of the surface must have to be preferred to one behind."""
+"""Of the best's evidence, what a pose must have to be preferred for another reason: it is in front of the
+surface, or exact with a side left out."""
 
 ROUGH = np.radians(45.0)
 """Angle up to which a rough pose tells which of several solutions is meant."""
@@ -46,6 +47,9 @@ ROUND = 60.0
 
 MISFIT = 8.0
 """Overlap error (%) beyond what even careless drawing leaves: some region shows something else."""
+
+LONELY = 12.0
+"""Overlap error (%) of an only region beyond which pieces of its outline may coincide by chance."""
 
 LOOSE = 1.5
 """Degrees of standard deviation from which a pose counts as undecided."""
@@ -117,6 +121,11 @@ def _doubt(problem: Problem, best: RegionPose, others: Sequence[RegionPose]) -> 
             f"{_worst(problem, best)} fits worst and the outlines coincide nowhere: draw the regions more "
             "carefully, check their partners, or mark what hides them"
         )
+    if len(problem.outlines) == 1 and best.overlap_error > LONELY:
+        return (
+            f"the only region leaves {best.overlap_error:.0f} % apart: draw it more carefully, mark what "
+            "hides it, or add a region"
+        )
     if not best.locked and len(problem.outlines) == 1:
         return (
             "the outlines of the only region coincide nowhere: draw it more carefully, mark what hides it, "
@@ -134,12 +143,38 @@ def _worst(problem: Problem, pose: RegionPose) -> str:
 
 
 def _finished(contours: Contours, fits: Sequence[OutlineFit]) -> list[OutlineFit]:
-    """Fits with about as much evidence as the best, best first; those exact to the pixel if there are any."""
-    most = max(fit.evidence for fit in fits)
+    """Fits with about as much evidence as the best, best first; those exact to the pixel if there are any.
+
+    A side of a region may have been drawn beside the true one: where a fit leaves that open, each side is
+    left out in turn.
+    """
+    done = [finished(contours, fit) for fit in _equals(fits)]
+    exact = [fit for fit in done if fit.exact]
+    found: list[OutlineFit] = []
+    for fit in done:
+        if fit.exact and (len(contours.problem.outlines) > 1 or fit.share > CLEAN_SHARE):
+            found.append(fit)
+        elif fit.exact or all(_angle(fit, other) > APART for other in exact):
+            itself, others = fits_without_sides(contours, fit)
+            near = [other for other in others if _angle(fit, other) <= APART]
+            found += [itself, *(other for other in near if _as_good(other, done))]
+    found = [fit for fit in found if fit.exact] or found
+    finest = min(fit.near for fit in found)
+    coarse = [fit for fit in found if fit.near > finest]
+    return _equals([fit for fit in found if fit.near == finest]) + _equals(coarse)
+
+
+def _as_good(other: OutlineFit, fits: Sequence[OutlineFit]) -> bool:
+    """Whether a fit is no worse than all those of its level, or most of it fits at a finer one."""
+    alike = [fit.evidence for fit in fits if fit.near == other.near]
+    return other.evidence >= NO_WORSE * max(alike) if alike else other.share > SURE_SHARE
+
+
+def _equals(fits: Sequence[OutlineFit]) -> list[OutlineFit]:
+    """Fits of one level with about as much evidence as the best of them, best first."""
+    most = max((fit.evidence for fit in fits), default=0.0)
     least = min(ALIKE * most, most - CLOSE)
-    equals = sorted((fit for fit in fits if fit.evidence >= least), key=lambda fit: -fit.evidence)
-    done = [finished(contours, fit) for fit in equals]
-    return [fit for fit in done if fit.exact] or done
+    return sorted((fit for fit in fits if fit.evidence >= least), key=lambda fit: -fit.evidence)
 
 
 def _rivals(problem: Problem, fits: Sequence[OutlineFit]) -> list[OutlineFit]:

@@ -26,14 +26,22 @@ STRETCH = (1.5, 3.0)  # the draws spread wider than the moments' covariance says
 SHARP = 0.4  # share of `near` by which right pieces of outline scatter
 NEAR = 0.7  # px: as close as outline and boundary come where both are right
 CLIMB_SCALES = (2.0, 1.5, 1.5, 1.2, 1.0, 0.8, 0.7, 0.6, 0.5, 0.5)
+WINDOWS = 8  # sides of each region that are left out in turn, overlapping
+WINDOW = 0.4  # share of a region's boundary that is left out
+FAR = 3.0  # sigmas of the moments: as far as leaving out a side may move the pose
+WINDOW_SCALES = (6.0, 4.0, 3.0, 2.0, 1.5, 1.2, 1.0, 0.8, 0.7, 0.6, 0.5, 0.5)
 
 
 @dataclass(frozen=True, eq=False)
 class Offsets:
-    """Signed distances (N,C) px from outline pieces to N boundary samples, inf for none; slopes (N,6)."""
+    """Signed distances (N,C) px from outline pieces to N boundary samples, inf for none; slopes (N,6).
+
+    `region` (N,) numbers the pairs that samples belong to, in order along their boundaries.
+    """
 
     values: FloatArray
     jacobian: FloatArray
+    region: IndexArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +71,8 @@ def outline_offsets(
         values.append(_offsets(pair, pixels, normals))
         across = np.einsum("ni,nij->nj", normals, jacobian)
         slopes.append(np.concatenate([np.cross(turned, across), across], axis=1))
-    return Offsets(np.concatenate(values), np.concatenate(slopes))
+    region = np.repeat(np.arange(len(values)), [len(part) for part in values])
+    return Offsets(np.concatenate(values), np.concatenate(slopes), region)
 
 
 def _offsets(pair: ContourPair, pixels: FloatArray, normals: FloatArray) -> FloatArray:
@@ -95,6 +104,50 @@ def search_consensus(
     climbers[-1] = 0.0
     for scale in CLIMB_SCALES:
         climbers = climbers - _ascent(choices, slope, climbers, scale * near / NEAR)
+    return _ranked(choices, slope, spread, climbers, near)
+
+
+def search_without_sides(
+    offsets: Offsets, covariance: FloatArray, near: float
+) -> tuple[Consensus, FloatArray]:
+    """Climb from a pose with one side of one region left out, each side in turn; rank with all counted.
+
+    A side that was drawn beside the true one can pull the search to a pose at which it coincides; without it
+    the others lead back. Also returned is how far apart the climbers end, as a covariance (6,6) of the pose;
+    none counts for more than `FAR` sigmas of `covariance`.
+    Source: delete-d jackknife, Shao and Wu 1989, with a redescending loss.
+    """
+    spread = _square_root(covariance)
+    slope = offsets.jacobian @ spread
+    choices = [np.ascontiguousarray(column) for column in offsets.values.T]
+    kept = _without_windows(offsets.region)
+    climbers = np.zeros((len(kept), 6))
+    for scale in WINDOW_SCALES:
+        climbers = climbers - _ascent(choices, slope, climbers, scale * near / NEAR, kept)
+    length = np.linalg.norm(climbers, axis=1, keepdims=True)
+    jumps = climbers * np.minimum(FAR / np.maximum(length, FAR), 1.0) @ spread.T
+    left_out = 1.0 - float(kept.mean())
+    scatter = (1.0 - left_out) / left_out * (jumps.T @ jumps) / len(jumps)
+    return _ranked(choices, slope, spread, climbers, near), scatter
+
+
+def _without_windows(region: IndexArray) -> FloatArray:
+    """Weights (K,N), 0 on one window of one region and 1 elsewhere."""
+    rows = []
+    for number in np.unique(region):
+        own = np.flatnonzero(region == number)
+        width = int(WINDOW * len(own))
+        for first in np.linspace(0, len(own), WINDOWS, endpoint=False).astype(np.int64):
+            row = np.ones(len(region))
+            row[own[(first + np.arange(width)) % len(own)]] = 0.0
+            rows.append(row)
+    return np.stack(rows)
+
+
+def _ranked(
+    choices: Sequence[FloatArray], slope: FloatArray, spread: FloatArray, climbers: FloatArray, near: float
+) -> Consensus:
+    """Local optima that climbers (K,6) have reached, in units of `spread`, best first."""
     distance = _nearest(choices, climbers @ slope.T)
     scores = np.mean(np.exp(-0.5 * (distance / (SHARP * near)) ** 2), axis=1)
     order = _unlike(climbers @ slope.T, np.argsort(-scores), 1.5 * near)
@@ -113,8 +166,9 @@ def _unlike(shifts: FloatArray, order: IndexArray, least: float) -> IndexArray:
 
 def _square_root(covariance: FloatArray) -> FloatArray:
     """Matrix A (6,6) with `A Aᵀ = covariance`, also where rounding made that slightly indefinite."""
-    sigma = np.sqrt(np.diag(covariance))
-    values, vectors = np.linalg.eigh(covariance / np.outer(sigma, sigma))
+    sigma = np.sqrt(np.maximum(np.nan_to_num(np.diag(covariance)), 0.0))
+    correlation = covariance / np.maximum(np.outer(sigma, sigma), 1e-300)
+    values, vectors = np.linalg.eigh(np.nan_to_num(correlation, posinf=0.0, neginf=0.0))
     root: FloatArray = sigma[:, None] * vectors * np.sqrt(np.maximum(values, 1e-12))
     return root
 
@@ -129,12 +183,18 @@ def _nearest(choices: Sequence[FloatArray], shift: FloatArray) -> FloatArray:
 
 
 def _ascent(
-    choices: Sequence[FloatArray], slope: FloatArray, climbers: FloatArray, scale: float
+    choices: Sequence[FloatArray],
+    slope: FloatArray,
+    climbers: FloatArray,
+    scale: float,
+    kept: FloatArray | float = 1.0,
 ) -> FloatArray:
     """Reweighted least-squares step (K,6) at a scale (px), held by a weak pull to where it is."""
     distance = _nearest(choices, climbers @ slope.T)
-    weight = 1.0 / (1.0 + (distance / scale) ** 2) ** 2
+    weight = kept / (1.0 + (distance / scale) ** 2) ** 2
     weighted = np.where(np.isfinite(distance), distance, 0.0) * weight
-    normal = (slope.T * weight[:, None]) @ slope + 1e-6 * np.eye(6)
+    normal = (slope.T * weight[:, None]) @ slope
+    pull = 1e-6 + 1e-12 * np.einsum("kii->k", normal)
+    normal += pull[:, None, None] * np.eye(6)
     step: FloatArray = np.linalg.solve(normal, (weighted @ slope)[..., None])[..., 0]
     return step

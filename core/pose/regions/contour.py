@@ -199,13 +199,17 @@ def area_turn(loops: Sequence[FloatArray], rotation: FloatArray, translation: Fl
 def metres_per_pixel(
     camera: Camera, loops: Sequence[FloatArray], rotation: FloatArray, translation: FloatArray
 ) -> float:
-    """Median length on the surface of a pixel along the boundary; not less than keeps sampling in bounds."""
+    """Median length on the surface of a pixel along the boundary; not less than keeps sampling in bounds.
+
+    A boundary that is nowhere in view is sampled sparsely.
+    """
     points = np.concatenate([resampled(loop, _length(loop) / 64) for loop in loops])
     pixels = camera.project(points @ rotation.T + translation)
     steps = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)
     drawn = np.linalg.norm(np.roll(pixels, -1, axis=0) - pixels, axis=1)
     finest = sum(map(_length, loops)) / MOST_POINTS
-    return max(float(1.0 / np.nanmedian(drawn / np.maximum(steps, 1e-300))), finest)
+    seen = np.isfinite(drawn) & (drawn > 0)
+    return max(float(np.median(steps[seen] / drawn[seen])), finest) if seen.any() else 100.0 * finest
 
 
 def robust_weights(distances: FloatArray, scale: float) -> FloatArray:

@@ -26,6 +26,9 @@ JOINED = (1, 2, 4, 8, 16)
 LEAST_STRETCHES = 3
 """Stretches per unknown below which their scatter says nothing."""
 
+OPEN = 1e-9
+"""Least eigenvalue of a normal matrix with unit diagonal up to which a direction is not held at all."""
+
 
 def moment_covariance(
     pairs: Sequence[MomentPair], rotation: FloatArray, translation: FloatArray
@@ -128,6 +131,13 @@ def stable_inverse(normal: FloatArray) -> FloatArray:
     scaled = normal * np.outer(scale, scale)
     inverse: FloatArray = np.linalg.inv(scaled + 1e-12 * np.eye(len(normal))) * np.outer(scale, scale)
     return inverse
+
+
+def determined(normal: FloatArray) -> bool:
+    """Whether a normal matrix, its parameters in any units, holds every one of them."""
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    scaled = normal / np.outer(size, size)
+    return bool(np.all(np.isfinite(scaled)) and np.linalg.eigvalsh(scaled)[0] > OPEN)
 
 
 def world_covariance(covariance: FloatArray, rotation: FloatArray, translation: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 from ...arrays import FloatArray
 from ...cameras.base import Camera
 from ...geometry.rigid import exp_so3
-from .consensus import SHARP, outline_offsets, search_consensus
+from .consensus import SHARP, outline_offsets, search_consensus, search_without_sides
 from .contour import (
     ContourPair,
     ImageContour,
@@ -76,6 +76,9 @@ MOST_OPTIMA = 3
 
 WORTHY = 0.6
 """Score, as a share of the best's, from which a local optimum is followed."""
+
+AGREED = 0.8
+"""The same where a side was left out."""
 
 BEYOND = 8.5
 """Multiples of `Level.near` over which distances of boundary that is not on the outline scatter."""
@@ -168,6 +171,36 @@ def fit_like(
     pairs = contours.pairs(level, rotation, translation)
     found = _refined(level, contours, pairs, rotation, translation)
     return [] if found is None else [found]
+
+
+def fits_without_sides(contours: Contours, fit: OutlineFit) -> tuple[OutlineFit, list[OutlineFit]]:
+    """Fit no surer than its sides agree unless it is exact, and the fits that leaving out a side leads to.
+
+    These are at the fit's own level or a finer one, and no surer than it where they are not exact either.
+    """
+    camera = contours.problem.camera
+    reached = next(k for k, level in enumerate(LEVELS) if level.near == fit.near)
+    pairs = contours.pairs(LEVELS[reached], fit.rotation, fit.translation)
+    offsets = outline_offsets(camera, pairs, fit.rotation, fit.translation)
+    doubt = moment_covariance(contours.problem.moments, fit.rotation, fit.translation)
+    found, scatter = search_without_sides(offsets, doubt + fit.covariance, fit.near)
+    fits = []
+    elsewhere = np.mean((found.steps @ offsets.jacobian.T) ** 2, axis=1) > (1.5 * fit.near) ** 2
+    worthy = found.scores >= AGREED * found.scores[0]
+    for step in found.steps[elsewhere & worthy][:MOST_OPTIMA]:
+        rotation, translation = exp_so3(step[:3]) @ fit.rotation, fit.translation + step[3:]
+        for level in LEVELS[: reached + 1]:
+            here = contours.pairs(level, rotation, translation)
+            other = _refined(level, contours, here, rotation, translation)
+            if other is not None:
+                fits.append(finished(contours, other))
+                break
+    return _scattered(fit, scatter), [_scattered(other, scatter) for other in fits]
+
+
+def _scattered(fit: OutlineFit, scatter: FloatArray) -> OutlineFit:
+    """Fit with a covariance that is wider by `scatter` unless even its pixels agree."""
+    return fit if fit.exact else replace(fit, covariance=fit.covariance + scatter)
 
 
 def unlocked(

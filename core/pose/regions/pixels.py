@@ -18,7 +18,7 @@ from ...arrays import BoolArray, FloatArray, IndexArray
 from ...cameras.base import Camera
 from ...geometry.rigid import exp_so3
 from .contour import area_turn, metres_per_pixel, outward, shown
-from .covariance import per_stretch, stable_inverse
+from .covariance import determined, per_stretch, stable_inverse
 from .problem import OutlinePair
 
 NEAR = 1.3
@@ -78,11 +78,12 @@ def fit_between_pixels(
 ) -> tuple[FloatArray, FloatArray, FloatArray] | None:
     """Pose near one that is right to a pixel, at which pixels are most likely on their sides, and covariance.
 
-    None where the outlines are not those of masks, or where the masks are not exact to a small part of a
-    pixel. A pixel at distance d lies outside with probability `expit(d / width)`, a few lie anywhere; Fisher
-    scoring, with the width getting smaller as long as the pixels grow more likely. The covariance is that of
-    scoring or, where it tells of more doubt, of the stretches' scatter; whether the boundary's edges are
-    straight or chords of a curve is not known and adds to it.
+    None where the outlines are not those of masks, where the masks are not exact to a small part of a pixel,
+    or where their pixels leave the pose open. A pixel at distance d lies outside with probability
+    `expit(d / width)`, a few lie anywhere; Fisher scoring, with the width getting smaller as long as the
+    pixels grow more likely. The covariance is that of scoring or, where it tells of more doubt, of the
+    stretches' scatter; whether the boundary's edges are straight or chords of a curve is not known and adds
+    to it.
     """
     parts = [_sides(camera, pair, rotation, translation) for pair in pairs if _is_mask(pair)]
     sides = _joined([part for part in parts if len(part.distances)])
@@ -95,7 +96,7 @@ def fit_between_pixels(
         if likely > best[0]:
             best = (likely, step, width)
     _, step, width = best
-    if width >= BLUNT:
+    if width >= BLUNT or not determined(_gradients(sides, step, width)[1]):
         return None
     return exp_so3(step[:3]) @ rotation, translation + step[3:], _covariance(sides, step, width)
 

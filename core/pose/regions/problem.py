@@ -148,7 +148,8 @@ def _every_way(
     """Sketches of each region of the photo with each of the surface."""
     combinations = [([region], [loops]) for region in image_regions for loops in surfaces]
     pairs = [_outline_pair(camera, edges, images, parts) for images, parts in combinations[:MOST_WAYS]]
-    return tuple(_sketch(_moment_pair(camera, pair), pair) for pair in pairs if not pair.partial)
+    seen = [pair for pair in pairs if not pair.partial] or pairs
+    return tuple(_sketch(_moment_pair(camera, pair), pair) for pair in seen)
 
 
 def open_edges(camera: Camera) -> BoolArray:
@@ -276,7 +277,12 @@ def _moment_pair(camera: Camera, pair: OutlinePair) -> MomentPair:
         )
     chart = chart_around(bundle)
     parts = tuple(_simplified(loops, chart.equal_area) for loops in pair.boundaries)
-    return moment_pair(chart, loop_edges([chart.flatten(loop) for loop in rays]), parts)
+    try:
+        return moment_pair(chart, loop_edges([chart.flatten(loop) for loop in rays]), parts)
+    except np.linalg.LinAlgError as error:
+        raise RegionError(
+            "A region in the photo is no patch: its outline is a line or goes round the camera."
+        ) from error
 
 
 def _sketch(exact: MomentPair, pair: OutlinePair) -> MomentPair:

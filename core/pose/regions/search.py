@@ -23,11 +23,19 @@ MOST_FITTED = 4
 HOPELESS = 100.0
 """Times the best cost after a few steps, from which a candidate is not followed."""
 
+NOWHERE = "No camera position sees all regions at once: check that each has its right partner."
+
 
 def moment_candidates(
     problem: Problem, sketches: Sequence[MomentPair], initial: Pose | None = None
 ) -> Candidates:
-    """Distinct poses that fit the moments, best first, from starts on some of the regions."""
+    """Distinct poses that fit the moments, best first, from starts on some of the regions.
+
+    Raises
+    ------
+    PoseNotFound
+        There is none.
+    """
     found = []
     for pair in sketches:
         for part in pair.parts:
@@ -40,9 +48,10 @@ def moment_candidates(
     costs = moment_costs(problem.coarse, several.rotations, several.translations)
     several = distinct(Candidates(several.rotations, several.translations, costs))[:MOST]
     if len(several) == 0:
-        raise PoseNotFound(
-            "No camera position sees all regions at once: check that each has its right partner."
-        )
+        raise PoseNotFound(NOWHERE)
     fitted = distinct(refine_by_moments(problem.coarse, several, 5))
     fitted = fitted[np.flatnonzero(fitted.costs < HOPELESS * fitted.costs[0])][:MOST_FITTED]
-    return distinct(refine_by_moments(problem.moments, fitted, 20))
+    exact = distinct(refine_by_moments(problem.moments, fitted, 20))
+    if len(exact) == 0:
+        raise PoseNotFound(NOWHERE)
+    return exact

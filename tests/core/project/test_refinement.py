@@ -7,7 +7,7 @@ import pytest
 from fresco.core.errors import ProjectError
 from fresco.core.geometry.rigid import exp_so3, rotation_angle
 from fresco.core.jobs import drain
-from fresco.core.pose import Pose
+from fresco.core.pose import Pose, RegionPose
 from fresco.core.project import PhotoPose, Refinement, RefineSettings, load_project, refinement, remarks
 from fresco.core.project.photo_pose import PointSighting, pose_from_dict, pose_to_dict
 from fresco.core.project.refinement import refine_poses, restored
@@ -172,6 +172,12 @@ def test_results_survive_being_written_down():
     assert after.points == points or vars(after.points[0]) == vars(points[0])
     assert [vars(s) | {"start": 0} for s in after.refinements] == [vars(s) | {"start": 0} for s in steps]
     np.testing.assert_array_equal(after.refinements[0].start.covariance, pose.covariance)
+
+
+def test_a_region_without_an_error_of_its_own_is_written_as_valid_json():
+    found = RegionPose(np.eye(3), np.zeros(3), np.eye(6), region_errors=(0.5, np.nan))
+    text = json.dumps(pose_to_dict(PhotoPose("A", found)), allow_nan=False)
+    np.testing.assert_array_equal(pose_from_dict(json.loads(text)).pose.region_errors, [0.5, np.nan])
 
 
 def test_photos_that_may_only_be_posed_are_told_before_anything_is_computed(corner):
