@@ -46,6 +46,11 @@ def main():
         truth = read_truth(chosen.sample / "truth.json")
         result = run(chosen.sample, Path(folder), truth if chosen.true_poses else {})
     report = project_report(result, truth)
+    unrefined = [dataclasses.replace(p, pose=p.first_pose, refinements=()) for p in result.poses]
+    if any(pose.refinements for pose in result.poses):
+        print("from regions alone:")
+        print_poses(photo_rows(dataclasses.replace(report, poses=unrefined)))
+        print("refined:")
     print_poses(photo_rows(report))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(

@@ -1,5 +1,6 @@
 """The shipped sample fits together: scan, photos, masks, labels, cameras and the truth agree."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from fresco.core.photos.image import check_complete
 from fresco.core.photos.marks import touches_frame
 from fresco.core.project.load import load_project
 from fresco.core.project.poses import solve_poses
+from fresco.core.project.refinement import RefineSettings, refine_poses
 from fresco.core.project.surfaces import check_partners, region_faces, surface_regions
 from fresco.core.regions import ImageRegion
 from fresco.core.scans.read import read_scan
@@ -29,9 +31,9 @@ def scan(project):
 
 @pytest.fixture(scope="module")
 def surfaces(project, scan):
-    faces = region_faces(project, scan)
-    check_partners(project.path, project.photos, faces)
-    return surface_regions(scan, faces)
+    found = surface_regions(scan, region_faces(project, scan))
+    check_partners(project, found)
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -95,3 +97,18 @@ def test_every_photo_is_solved_close_to_the_truth(project, surfaces, truth):
         distances.append(np.linalg.norm(result.pose.centre + rotation.T @ translation))
     assert np.median(angles) < 0.3 and max(angles) < 0.8
     assert np.median(distances) < 0.025 and max(distances) < 0.07
+
+
+def test_refined_together_the_photos_stand_right_to_millimetres(project, scan, surfaces, truth):
+    photos = [entry.photo for entry in project.photos]
+    rough = solve_poses(photos, surfaces)
+    fewer = dataclasses.replace(project.refine.joint, features=1200, first_features=1000)
+    refined = refine_poses(scan, photos, rough, RefineSettings(joint=fewer))
+    angles, distances = [], []
+    for result in refined:
+        assert result.refinements[-1].moved, result.refinements[-1].note
+        rotation, translation = truth[result.photo]
+        angles.append(np.degrees(rotation_angle(result.pose.rotation @ rotation.T)))
+        distances.append(np.linalg.norm(result.pose.centre + rotation.T @ translation))
+    assert np.median(angles) < 0.05 and max(angles) < 0.1
+    assert np.median(distances) < 0.005 and max(distances) < 0.01
