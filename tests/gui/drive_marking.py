@@ -151,6 +151,28 @@ def bad_clicks(ui, area):
     d.fresco().region_index = 0
 
 
+def brush_radius(ui, area):
+    """F and the mouse change the brush's radius."""
+    yield from d.use_tool(ui, area, "fresco.tool_photo_brush")
+    (place,) = d.in_photo(ui, area, [(240, 160)], (320, 480))
+    yield from ui.move(*place)
+    before = d.marking().radius
+    yield from ui.key("F")
+    yield 0.3
+    yield from ui.move(place[0] + 40, place[1])
+    yield 0.3
+    ui.shot("6 brush radius")
+    yield from ui.click(place[0] + 40, place[1])
+    yield 0.3
+    assert abs(d.marking().radius - before - 40) <= 6, (before, d.marking().radius)
+    yield from ui.key("F")
+    yield from ui.move(place[0] - 40, place[1])
+    yield from ui.key("ESC")
+    yield 0.3
+    assert abs(d.marking().radius - before - 40) <= 6
+    d.marking().radius = before
+
+
 def off_the_message(ui, area):
     """Blender shows an error under the mouse, until the mouse leaves it."""
     for height in (0.5, 0.96):
@@ -198,6 +220,24 @@ def mending_faces(ui, area):
         assert fits(d.fresco().regions[0].face_count), (action, d.fresco().regions[0].face_count, whole)
 
 
+def loose_triangles(ui, area):
+    """A scan whose triangles share no vertices: the wand joins them by their place."""
+    scan = d.fresco().scan
+    corners = [scan.data.vertices[k].co.copy() for face in scan.data.polygons for k in face.vertices]
+    mesh = bpy.data.meshes.new("loose")
+    mesh.from_pydata(corners, [], [(k, k + 1, k + 2) for k in range(0, len(corners), 3)])
+    loose = bpy.data.objects.new("loose", mesh)
+    bpy.context.scene.collection.objects.link(loose)
+    scan.hide_set(True)
+    d.fresco().scan, count = loose, len(d.fresco().regions)
+    d.fresco().region_index = count
+    yield 1.0
+    yield from d.use_tool(ui, area, "fresco.tool_scan_wand")
+    yield from ui.click(*d.on_scan(ui, area, (0.0, 1.2, 1.2)))
+    yield from ui.wait(lambda: len(d.fresco().regions) > count, 60, "the wall of loose triangles")
+    assert 1000 < d.fresco().regions[count].face_count <= 1152  # the wall, and only it
+
+
 def steps(ui):
     yield from d.import_scene(FOLDER, ["wall 1"])
     bpy.ops.ed.undo_push(message="ready")
@@ -209,9 +249,10 @@ def steps(ui):
         hidden_part,
         mending,
         bad_clicks,
+        brush_radius,
     ):
         ui.log(step.__name__)
         yield from step(ui, left)
-    for step in (wand_on_scan, mending_faces):
+    for step in (wand_on_scan, mending_faces, loose_triangles):
         ui.log(step.__name__)
         yield from step(ui, right)
