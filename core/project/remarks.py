@@ -21,7 +21,8 @@ _NAMED = 3
 
 def remarks(result: ProjectResult) -> list[str]:
     """Sentences on scan, photos, poses and texture, each beginning with what it speaks of."""
-    layers = result.layers.values()
+    shown = [] if result.textured is None else [result.textured]
+    layers = [*shown, *result.layers.values()]
     warnings = dict.fromkeys(text for textured in layers for text in textured.selection.warnings)
     scans = (result.scan, *result.occluders)
     return [*remarks_on(scans, result.photos, result.poses, result.surfaces), *warnings]
