@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import cli, jobs, preferences, properties, settings
+from . import choices, cli, jobs, preferences, properties, settings
 from .operators import (
     calibration,
     cameras,
@@ -40,6 +40,7 @@ _MODULES = (
     jobs,
     preferences,
     settings,
+    choices,
     properties,
     scan,
     photos,
