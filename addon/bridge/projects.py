@@ -142,10 +142,22 @@ def read_project(scene: bpy.types.Scene, path: Path) -> Project:
         photos=tuple(_photo_entry(scene, item) for item in fresco.photos),
         pose=to_core(fresco.pose, PoseSettings),
         up=None,
-        refine=RefineSettings(),
+        refine=_refine_settings(scene),
         texture=to_core(fresco.texture, TextureSettings),
         output=_output_entry(scene, path),
         points=survey if len(fresco.points) else None,
+    )
+
+
+def _refine_settings(scene: bpy.types.Scene) -> RefineSettings:
+    """The refinements that the poses went through, for a run without a window to make them, too."""
+    fresco = scene.fresco
+    solutions = [photos.read_solution(scene, item) for item in fresco.photos if item.is_refined]
+    made = {step.method for solved in solutions for step in solved.refinements}
+    return RefineSettings(
+        edges=to_core(fresco.edges, EdgeSettings) if "edges" in made else None,
+        joint=to_core(fresco.joint, JointSettings) if "joint" in made else None,
+        lenses="joint" in made and fresco.compare.lenses,
     )
 
 

@@ -26,6 +26,7 @@ from .delivery import DeliverySettings
 from .entries import OutputEntry, PhotoEntry, Project, RegionEntries
 from .load import VERSION
 from .marks import HIDDEN
+from .simplified import SimplifySettings
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _NOT_IN_NAMES = re.compile(r'[/\\:*?"<>|]')
@@ -172,14 +173,26 @@ def _stages(project: Project) -> Iterable[tuple[str, _Table]]:
     up = {} if project.up is None else {"up": project.up.tolist()}
     yield "[pose]", {**up, **_settings(project.pose)}
     steps = {"edges": project.refine.edges, "joint": project.refine.joint}
-    yield "[refine]", {name: _settings(step) or True for name, step in steps.items() if step is not None}
+    lenses = {"lenses": True} if project.refine.lenses else {}
+    chosen = {name: _settings(step) or True for name, step in steps.items() if step is not None}
+    yield "[refine]", chosen | lenses
     yield "[texture]", _settings(project.texture)
     if project.atlas is not None:
         yield "[atlas]", _atlas(project.atlas)
+    if project.simplify is not None:
+        yield "[simplify]", _simplify(project.simplify)
+    for chart in project.charts:
+        yield "[[colour_chart]]", _settings(chart) | {"photo": chart.photo}
 
 
 def _atlas(delivery: DeliverySettings) -> _Table:
     return {"level": delivery.level, "untouched": delivery.untouched, **_settings(delivery.atlas)}
+
+
+def _simplify(simplify: SimplifySettings) -> _Table:
+    if simplify.tolerance is not None:
+        return {"tolerance_mm": simplify.tolerance * 1000}
+    return {"faces": simplify.faces}
 
 
 def _output(output: OutputEntry) -> _Table:

@@ -118,6 +118,17 @@ def test_refined_poses_are_kept_in_the_file_and_go_into_the_report(placed, tmp_p
     assert solution.given and solution.refinements[0].method == "joint" and solution.sure_pose is not None
 
 
+def test_a_saved_project_makes_the_same_refinements(placed, tmp_path, module):
+    load_project = module("core.project.load").load_project
+    assert bpy.ops.fresco.save_project(filepath=str(tmp_path / "before.toml")) == {"FINISHED"}
+    assert load_project(tmp_path / "before.toml").refine.joint is None
+    placed.fresco.joint.min_ties = 8
+    bpy.ops.fresco.refine_jointly()
+    assert bpy.ops.fresco.save_project(filepath=str(tmp_path / "after.toml")) == {"FINISHED"}
+    refine = load_project(tmp_path / "after.toml").refine
+    assert refine.joint.min_ties == 8 and refine.edges is None
+
+
 def test_colours_of_the_scan_reach_core_also_after_its_faces_were_split(imported, room, module, tmp_path):
     from fresco.core.project.textures import TexturedScan
 
