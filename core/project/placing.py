@@ -15,8 +15,10 @@ from ..errors import PoseNotFound
 from ..geometry.meshes import vertex_normals
 from ..geometry.rigid import exp_so3
 from ..pose.joint.similarity import Similarity, estimate_similarity, similarity_from_poses
+from ..pose.points.smoothing import averaged_normals
 from ..pose.points.survey import read_survey
 from ..pose.pose import Pose
+from ..scans.icp import surface_normals
 from ..scans.scan import Scan
 from .entries import PhotoEntry
 from .imported import ImportedCameras
@@ -26,8 +28,11 @@ _ROUNDS = 60
 _LEAST_POINTS = 60
 _REACH = 0.03
 """Distance, in parts of the points' spread, within which a point is paired with the scan at first."""
-_HELD = 1e-4
-"""Smallest eigenvalue of the normalised equations at which the surface holds the points."""
+_HELD = 2e-3
+"""Smallest eigenvalue of the normalised equations at which the surface holds the points; the noise of a plain
+wall's normals gives a tenth of it."""
+_AVERAGED = 6
+"""Rounds of averaging normals, so that noise does not pass for relief that holds the points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,8 +142,8 @@ def place_on_surface(reconstruction: Reconstruction, scan: Scan, start: Placed) 
         raise PoseNotFound(
             f"The cameras come with {len(points)} points: too few to lay them onto the scan's surface."
         )
-    normals = vertex_normals(scan.vertices, scan.faces)
     tree = cKDTree(scan.vertices)
+    normals = _surface_normals(scan, tree)
     moved = start.scale * points @ start.rotation.T + start.translation
     spread = float(np.median(np.linalg.norm(moved - np.median(moved, axis=0), axis=1)))
     scale, rotation, translation, reach = start.scale, start.rotation, start.translation, _REACH * spread
@@ -157,6 +162,14 @@ def place_on_surface(reconstruction: Reconstruction, scan: Scan, start: Placed) 
     share = len(near[0]) / len(points)
     note = f"{100 * share:.0f} % of its points lie on the scan, ± {1000 * sigma:.0f} mm."
     return Placed(scale, rotation, translation, f"{start.note} {note}".strip())
+
+
+def _surface_normals(scan: Scan, tree: cKDTree) -> FloatArray:
+    """Unit normals (V,3) at the scan's vertices; those of a cloud point to either side."""
+    if scan.is_cloud:
+        return surface_normals(scan.vertices, tree)
+    faces = scan.faces.astype(np.int64)
+    return averaged_normals(vertex_normals(scan.vertices, faces), faces, _AVERAGED)
 
 
 def _near(
