@@ -66,11 +66,21 @@ class Frustum:
         return inside
 
 
-def blocks_in_view(blocks: FaceBlocks, view: View, origin: FloatArray, max_angle: float | None) -> IndexArray:
-    """Blocks that may hold faces which the view sees at most at `max_angle` rad (None: from any side)."""
+def blocks_in_view(
+    blocks: FaceBlocks,
+    view: View,
+    origin: FloatArray,
+    max_angle: float | None,
+    frustum: Frustum | None = None,
+) -> IndexArray:
+    """Blocks that may hold faces which the view sees at most at `max_angle` rad (None: from any side).
+
+    `frustum` is that of the view's camera, if it is known already.
+    """
+    frustum = frustum or Frustum.of_camera(view.camera)
     towards = blocks.centre.astype(np.float64) - (view.centre - origin)
     radius = blocks.radius.astype(np.float64)
-    candidates = Frustum.of_camera(view.camera).meets(towards @ np.asarray(view.rotation).T, radius)
+    candidates = frustum.meets(towards @ np.asarray(view.rotation).T, radius)
     if max_angle is not None:
         distance = np.linalg.norm(towards, axis=1)
         far = distance > radius

@@ -7,10 +7,8 @@ neighbours of an edge are split alike, so that no gaps open.
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 
@@ -22,18 +20,21 @@ from ..geometry.rays import RayCaster, local_centre
 from ..jobs import Job, Progress, drain, part
 from ..photos.view import View
 from .images import check_views, view_name
-from .surface import checked_mesh
+from .parallel import CORES, map_ahead
+from .surface import checked_mesh, used_vertices
 from .visibility import project
 from .widefaces import LensCurvature, WideFaces
 
 _ROUNDS = 14
-_TOGETHER = min(os.cpu_count() or 1, 4)
-"""Photos that are looked at together, each by a thread."""
 _STEPS = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 _NEARLY = 0.8
 """Share of the tolerance that the middle of an edge may be off without a closer look."""
 _SHORT = 0.1
 """Length of an edge over its distance up to which its middle stands for all of it."""
+_GRAZING = 1e-9
+"""Sine of the angle by which a ray may pass by a face's edge and still count as meeting it."""
+_AT_ONCE = 256
+"""Faces that all rays of a frame are held against at once."""
 _FRAME_SHARE = 1 / 64
 """Edges longer than this share of the frame's diagonal are cut where a face leaves the frame."""
 
@@ -83,7 +84,9 @@ def split_large_faces_job(
     yield Progress(0.0, "Sorting the scan by size of its faces")
     doubtful = morton_order(points[triangles[:, 0]])
     ends = [np.zeros((0, 2), dtype=np.int32)]
-    lenses = [LensCurvature.of_camera(view.camera) for view in views]
+    cameras = {id(view.camera): view.camera for view in views}  # most photos share theirs
+    curvature = {key: LensCurvature.of_camera(camera) for key, camera in cameras.items()}
+    lenses = [curvature[id(view.camera)] for view in views]
     for depth in range(_ROUNDS):
         wide = WideFaces(points, triangles, doubtful, double_sided)
         look = partial(_edges_to_cut, wide, origin=origin, hits=hits, parent=parent, tolerance=tolerance)
@@ -93,7 +96,7 @@ def split_large_faces_job(
             break
         points, triangles, origin_face, halves = _halve(points, triangles, flagged)
         parent = parent[origin_face]
-        doubtful = np.flatnonzero(np.isin(origin_face, np.flatnonzero(flagged.any(axis=1))))
+        doubtful = np.flatnonzero(_any_edge(flagged)[origin_face])
         ends.append(halves)
     return SplitMesh(points + origin, triangles, parent, np.concatenate(ends))
 
@@ -104,16 +107,21 @@ _Look = Callable[[View, LensCurvature], tuple[IndexArray, BoolArray]]
 def _flagged_job(
     views: Sequence[View], lenses: Sequence[LensCurvature], face_count: int, look: _Look
 ) -> Job[BoolArray]:
-    """Edges (F,3) that any of the views wants halved; a few views at a time, each in a thread."""
+    """Edges (F,3) that any of the views wants halved."""
     flagged = np.zeros((face_count, 3), dtype=np.bool_)
-    for start in range(0, len(views), _TOGETHER):
-        name = view_name(views[start], start)
-        yield Progress(start / len(views), f"Checking large faces in {name}")
-        batch = slice(start, start + _TOGETHER)
-        with ThreadPoolExecutor(_TOGETHER) as pool:
-            for seen, cut in pool.map(look, views[batch], lenses[batch]):
-                flagged[seen] |= cut
+    found = map_ahead(lambda number: look(views[number], lenses[number]), range(len(views)), CORES)
+    for number, view in enumerate(views):
+        yield Progress(number / len(views), f"Checking large faces in {view_name(view, number)}")
+        seen, cut = next(found)
+        flagged[seen] |= cut
     return flagged
+
+
+def _any_edge(flagged: BoolArray) -> BoolArray:
+    """Faces with an edge that is flagged: (F,3) -> (F,)."""
+    # Column by column: reducing along an axis of three is many times slower.
+    faces: BoolArray = flagged[:, 0] | flagged[:, 1] | flagged[:, 2]
+    return faces
 
 
 class _Hits:
@@ -147,7 +155,9 @@ def _edges_to_cut(
     Edge k runs from corner k to corner k + 1.
     """
     chosen = wide.seen_bent(view, lens, origin, tolerance)
-    chosen = chosen[_in_doubt(wide.points, wide.faces[chosen], view, origin, tolerance)]
+    longest = _FRAME_SHARE * float(np.hypot(view.camera.width, view.camera.height))
+    clear = tolerance, longest / lens.density
+    chosen = chosen[_in_doubt(wide.points, wide.faces[chosen], view, origin, *clear)]
     if len(chosen) == 0:
         return chosen, np.zeros((0, 3), dtype=np.bool_)
     corners = wide.points[wide.faces[chosen]]
@@ -155,46 +165,61 @@ def _edges_to_cut(
     inside = view.camera.in_frame(pixels)
     error = _interpolation_error(view.camera.unwrapped(pixels, pixels[:, :1, :1]))
     bent = (error > tolerance) & inside.any(axis=2)
-    longest = _FRAME_SHARE * float(np.hypot(view.camera.width, view.camera.height))
     large = angle * lens.density > longest
     partly = ~inside.all(axis=(1, 2)) & large.any(axis=1)
     around = partly & ~inside.any(axis=(1, 2))  # perhaps the frame lies within the face
-    if around.any():
-        rays = lens.probes @ np.asarray(view.rotation)
+    rays = lens.probes @ np.asarray(view.rotation)
+    around[around] = _meet(corners[around] - (view.centre - origin), rays)
+    partly &= around | inside.any(axis=(1, 2))
+    if around.any():  # the frame lies within the face, unless something hides it
         partly &= ~around | np.isin(parent[chosen], hits.faces(view.centre - origin, rays))
     return chosen, bent | (partly[:, None] & large)
 
 
+def _meet(corners: FloatArray, rays: FloatArray) -> BoolArray:
+    """Whether triangles (n,3,3), their corners relative to the eye, are met by any of the rays (P,3): (n,).
+
+    A ray passes through a triangle when it lies on its side of the three planes through the eye and an edge;
+    one that passes by the edge within rounding counts.
+    """
+    planes = np.cross(corners, np.roll(corners, -1, axis=1))
+    planes /= np.maximum(np.linalg.norm(planes, axis=2, keepdims=True), 1e-300)
+    planes *= np.sign(np.einsum("nk,nk->n", corners[:, 2], planes[:, 0]))[:, None, None]
+    met = np.zeros(len(corners), dtype=np.bool_)
+    for start in range(0, len(corners), _AT_ONCE):
+        sides = planes[start : start + _AT_ONCE] @ rays.T
+        within = (sides[:, 0] > -_GRAZING) & (sides[:, 1] > -_GRAZING) & (sides[:, 2] > -_GRAZING)
+        met[start : start + _AT_ONCE] = within.any(axis=1)
+    return met
+
+
 def _in_doubt(
-    points: FloatArray, faces: IntArray, view: View, origin: FloatArray, tolerance: float
+    points: FloatArray, faces: IntArray, view: View, origin: FloatArray, tolerance: float, small: float
 ) -> BoolArray:
     """Faces (n,3) that the middles of their edges do not clear: (n,).
 
-    An edge that is short against its distance is off most in its middle. What lies in the frame and is nearly
-    straight there is fine, and so is what lies outside it.
+    An edge that is short against its distance is off most in its middle. What is nearly straight there and
+    lies in the frame, or is seen at less than `small` rad, is fine; so is what lies outside the frame.
     """
     if len(faces) == 0:
         return np.zeros(0, dtype=np.bool_)
-    used = np.zeros(len(points), dtype=np.bool_)
-    used[faces] = True
-    vertex = np.flatnonzero(used)
-    pixels = np.full((len(points), 2), np.nan)
-    pixels[vertex] = project(view, points[vertex] + origin)
-    corner = points[faces] - (view.centre - origin)
+    vertex, local = used_vertices(faces, len(points))
+    corner = (points[vertex] - (view.centre - origin))[local]
     after = np.roll(corner, -1, axis=1)
     middle = project(view, (0.5 * (corner + after) + view.centre).reshape(-1, 3)).reshape(-1, 3, 2)
-    at = pixels[faces]
+    at = project(view, points[vertex] + origin)[local]
     at = view.camera.unwrapped(at, at[:, :1])
     middle = view.camera.unwrapped(middle, at[:, :1])
     with np.errstate(invalid="ignore"):
         squared = _largest_square(middle - 0.5 * (at + np.roll(at, -1, axis=1)))
-        edge = _largest_square(after - corner)
-        nearest = np.sqrt(np.einsum("nc,nc->n", corner[:, 0], corner[:, 0])) - np.sqrt(edge)
-        short = np.sqrt(edge) < _SHORT * nearest
+        edge = np.sqrt(_largest_square(after - corner))
+        nearest = np.sqrt(np.einsum("nc,nc->n", corner[:, 0], corner[:, 0])) - edge
+        short = edge < _SHORT * nearest
+        straight = squared < (_NEARLY * tolerance) ** 2
         apart = _apart_from_frame(at, middle, 1.0 + 2.0 * np.sqrt(squared), view)
     framed = view.camera.in_frame(at)
-    inside = framed[:, 0] & framed[:, 1] & framed[:, 2]
-    doubt: BoolArray = ~(short & ((inside & (squared < (_NEARLY * tolerance) ** 2)) | apart))
+    fits = framed[:, 0] & framed[:, 1] & framed[:, 2] | (edge < small * nearest)
+    doubt: BoolArray = ~(short & ((fits & straight) | apart))
     return doubt
 
 
@@ -242,29 +267,50 @@ def _halve(
 
     A face with one such edge becomes two, with two three, with three four triangles.
     """
-    count = len(points)
-    start, end = faces.astype(np.int64), np.roll(faces, -1, axis=1).astype(np.int64)
-    key = np.minimum(start, end) * count + np.maximum(start, end)
-    cut_keys = np.unique(key[flagged])
-    at = np.minimum(np.searchsorted(cut_keys, key), len(cut_keys) - 1)
-    cut = cut_keys[at] == key
-    ends = np.stack([cut_keys // count, cut_keys % count], axis=1)
+    touched = _beside(faces, flagged, len(points))
+    corners = faces[touched]
+    ends, at = _cut_edges(corners, flagged[touched], len(points))
     middle = 0.5 * (points[ends[:, 0]] + points[ends[:, 1]])
-    new_faces, origin = [faces[~cut.any(axis=1)]], [np.flatnonzero(~cut.any(axis=1))]
-    for pattern, pieces in _PATTERNS:
-        for turn in range(3):
-            if turn and all(pattern):
-                break
+    pieces, owner = _cut_faces(corners, at, len(points))
+    count = np.ones(len(faces), dtype=np.int64)
+    count[touched] = np.maximum(np.bincount(owner, minlength=len(touched)), 1)
+    parent = np.repeat(np.arange(len(faces)), count)
+    triangles = faces[parent]
+    triangles[(count > 1)[parent]] = pieces[np.argsort(owner, kind="stable")]
+    return np.concatenate([points, middle]), triangles, parent, ends
+
+
+def _beside(faces: IntArray, flagged: BoolArray, vertex_count: int) -> IndexArray:
+    """Faces that may share a flagged edge: two of their corners belong to one."""
+    marked = np.zeros(vertex_count, dtype=np.bool_)
+    face, edge = np.nonzero(flagged)
+    marked[faces[face, edge]] = marked[faces[face, (edge + 1) % 3]] = True
+    a, b, c = (marked[faces[:, k]] for k in range(3))
+    return np.flatnonzero(a & b | b & c | c & a)
+
+
+def _cut_edges(faces: IntArray, flagged: BoolArray, vertex_count: int) -> tuple[IntArray, IndexArray]:
+    """Ends (E,2) of the flagged edges, and for each edge of each face its number among them or -1: (n,3)."""
+    start, end = faces.astype(np.int64), np.roll(faces, -1, axis=1).astype(np.int64)
+    key = np.minimum(start, end) * vertex_count + np.maximum(start, end)
+    keys = np.unique(key[flagged])
+    at = np.minimum(np.searchsorted(keys, key), len(keys) - 1)
+    ends = np.stack([keys // vertex_count, keys % vertex_count], axis=1).astype(np.int32)
+    return ends, np.where(keys[at] == key, at, -1)
+
+
+def _cut_faces(faces: IntArray, cut_edge: IndexArray, vertex_count: int) -> tuple[IntArray, IndexArray]:
+    """Pieces (P,3) of the faces (n,3) that have edges cut, and the face that each is a piece of (P,)."""
+    pieces, owner = [np.zeros((0, 3), dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+    cut = cut_edge >= 0
+    for pattern, corners in _PATTERNS:
+        for turn in range(1 if all(pattern) else 3):
             chosen = np.flatnonzero((cut == np.roll(pattern, turn)).all(axis=1))
-            corner = np.roll(faces[chosen], -turn, axis=1)
-            mid = np.roll(at[chosen], -turn, axis=1) + count
-            both = np.concatenate([corner, mid], axis=1)
-            new_faces.extend(both[:, piece] for piece in pieces)
-            origin.extend([chosen] * len(pieces))
-    triangles = np.concatenate(new_faces).astype(np.int32)
-    parent = np.concatenate(origin)
-    order = np.argsort(parent, kind="stable")
-    return np.concatenate([points, middle]), triangles[order], parent[order], ends.astype(np.int32)
+            middle = np.roll(cut_edge[chosen], -turn, axis=1) + vertex_count
+            both = np.concatenate([np.roll(faces[chosen], -turn, axis=1), middle], axis=1)
+            pieces.extend(both[:, piece] for piece in corners)
+            owner.extend([chosen] * len(corners))
+    return np.concatenate(pieces).astype(np.int32), np.concatenate(owner)
 
 
 # Corners are 0, 1, 2; the middles of edges 0-1, 1-2, 2-0 are 3, 4, 5.

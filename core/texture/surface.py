@@ -95,6 +95,16 @@ def checked_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[FloatArray, Int
     return points, np.ascontiguousarray(triangles, dtype=np.int32)
 
 
+def used_vertices(faces: IntArray, vertex_count: int) -> tuple[IndexArray, IntArray]:
+    """Vertices that faces (n,3) of a mesh use, ascending (m,), and the faces counted by them (n,3)."""
+    used = np.zeros(vertex_count, dtype=np.bool_)
+    used[faces] = True
+    vertex = np.flatnonzero(used)
+    number = np.empty(vertex_count, dtype=np.int32)  # of the used ones only: the rest is never touched
+    number[vertex] = np.arange(len(vertex), dtype=np.int32)
+    return vertex, number[faces]
+
+
 def _with_occluders(
     local: FloatArray, faces: IntArray, origin: FloatArray, occluders: Sequence[Mesh]
 ) -> tuple[FloatArray, IntArray]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields
 from typing import TypeVar
 
@@ -20,6 +19,7 @@ from .focus_range import in_depth_of_field, lens_focus
 from .images import read_photo, read_reduced_photo, view_name
 from .kept import KeptPhotos
 from .memory import plan_memory
+from .parallel import map_ahead
 from .samples import PhotoSamples, sample_photo
 from .surface import Surface
 from .visibility import SeenFaces, visible_faces
@@ -103,27 +103,6 @@ def survey_photos_job(
     scales = np.ones(len(views))
     lenses: list[FocusModel | None] = [None] * len(views)
     used = [number for number in range(len(views)) if priorities[number] > -np.inf]
-    for start in range(0, len(used), plan.photos_together):
-        batch = used[start : start + plan.photos_together]
-        yield Progress(start / len(used), f"Looking at {view_name(views[batch[0]], batch[0])}")
-        for number, one in zip(batch, _survey_batch(surface, views, batch, settings, kept), strict=True):
-            if one is None:
-                continue
-            cost = candidate_cost(one.seen, one.samples.clipped, priorities[number], settings)
-            table.add(number, one.seen, cost, one.samples)
-            details[number], previews[number], scales[number] = one.detail, one.preview, one.scale
-            lenses[number] = one.lens_focus
-    return Survey(table, details, previews, scales, lenses)
-
-
-def _survey_batch(
-    surface: Surface,
-    views: Sequence[View],
-    batch: Sequence[int],
-    settings: TextureSettings,
-    kept: KeptPhotos,
-) -> list[PhotoSurvey | None]:
-    """Survey a few photos in parallel: decoding, OpenCV, rays and most of numpy run beside one another."""
 
     def look(number: int) -> PhotoSurvey | None:
         saved = kept.load(number)
@@ -133,10 +112,17 @@ def _survey_batch(
         kept.save(number, found.to_arrays() if found is not None else {})
         return found
 
-    if len(batch) == 1:
-        return [look(batch[0])]
-    with ThreadPoolExecutor(len(batch)) as pool:
-        return list(pool.map(look, batch))
+    found = map_ahead(look, used, min(plan.photos_together, len(used)))
+    for count, number in enumerate(used):
+        yield Progress(count / len(used), f"Looking at {view_name(views[number], number)}")
+        one = next(found)
+        if one is None:
+            continue
+        cost = candidate_cost(one.seen, one.samples.clipped, priorities[number], settings)
+        table.add(number, one.seen, cost, one.samples)
+        details[number], previews[number], scales[number] = one.detail, one.preview, one.scale
+        lenses[number] = one.lens_focus
+    return Survey(table, details, previews, scales, lenses)
 
 
 def survey_photo(surface: Surface, view: View, settings: TextureSettings) -> PhotoSurvey | None:

@@ -17,7 +17,7 @@ from ..arrays import BoolArray, Float32Array, FloatArray, IndexArray, IntArray
 from ..cameras.base import Camera
 from ..geometry.meshes import FaceBlocks, face_blocks
 from ..photos.view import View
-from .frustum import blocks_in_view, faces_of_blocks
+from .frustum import Frustum, blocks_in_view, faces_of_blocks
 
 _PROBES = 24
 """Rays across the frame (and as many down) at which a camera's curvature is measured."""
@@ -34,13 +34,14 @@ class LensCurvature:
 
     `density` largest pixels per radian; `probes` (P,3) unit viewing rays; `cells` (n,n) largest second
     derivative (pixels per radian²) around each of a grid of places in the frame; `reach` (n,n) the angle
-    (rad) around the place within which that holds.
+    (rad) around the place within which that holds; `frustum` bounds all that it sees.
     """
 
     density: float
     probes: FloatArray
     cells: FloatArray
     reach: FloatArray
+    frustum: Frustum
 
     @classmethod
     def of_camera(cls, camera: Camera) -> LensCurvature:
@@ -60,7 +61,8 @@ class LensCurvature:
         cells = _SAFETY * np.where(np.isfinite(cells), cells, size.max(initial=0.0))
         density = np.sqrt(np.sum(camera.project_with_jacobian(rays)[1] ** 2, axis=(1, 2)))
         reach = _neighbour_angle(rays.reshape(_PROBES, _PROBES, 3))
-        return cls(float(np.nanmax(density)), rays[np.isfinite(rays).all(axis=1)], cells, reach)
+        probes = rays[np.isfinite(rays).all(axis=1)]
+        return cls(float(np.nanmax(density)), probes, cells, reach, Frustum.of_camera(camera))
 
     @property
     def largest(self) -> float:
@@ -124,7 +126,9 @@ class WideFaces:
         if not self.double_sided:
             # Half an edge off: with a rounded eye and place, faces seen edge-on stay in question.
             near &= np.einsum("nk,nk->n", towards, self._normal[face]) < 1e-4 * (edge + np.abs(distance))
-        face = face[near]
+        face, towards = face[near], towards[near]
+        ahead = (towards @ np.asarray(view.rotation, dtype=np.float32).T).astype(np.float64)
+        face = face[lens.frustum.meets(ahead, self._edge[face].astype(np.float64))]
         if lens.largest > _UNEVEN * float(np.median(lens.cells)):
             face = face[self._bent_there(face, view, lens, origin, tolerance)]
         return self.chosen[face]
@@ -133,7 +137,7 @@ class WideFaces:
         self, view: View, lens: LensCurvature, origin: FloatArray, tolerance: float
     ) -> IndexArray:
         limit = None if self.double_sided else 0.5 * np.pi
-        blocks = blocks_in_view(self._blocks, view, origin, limit)
+        blocks = blocks_in_view(self._blocks, view, origin, limit, lens.frustum)
         offset = self._blocks.centre[blocks] - (view.centre - origin)
         distance = np.linalg.norm(offset, axis=1) - self._blocks.radius[blocks]
         return blocks[_may_bend(self._longest[blocks], distance, lens.largest, tolerance)]

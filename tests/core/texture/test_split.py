@@ -6,6 +6,7 @@ from fresco.core.cameras import FisheyeCamera, PerspectiveCamera
 from fresco.core.geometry.meshes import face_normals
 from fresco.core.photos import View
 from fresco.core.texture import split_large_faces
+from fresco.core.texture.split import _meet
 from painted_scenes import grid_mesh, look_at
 
 
@@ -96,3 +97,23 @@ def test_faces_nobody_sees_are_left_alone():
     wall = grid_mesh(1, 1)
     away = view_of(lens(), (0, 0, -4.0), (0, 0, -8))
     assert len(split_large_faces(*wall, [away]).faces) == 2
+
+
+def test_a_frame_within_a_face_is_found_and_one_behind_a_nearer_wall_is_not():
+    wall = grid_mesh(1, 1, 400.0, 300.0)
+    view = view_of(lens(), (3.0, 2.0, -3.0), (3.0, 2.0, 0.0))
+    assert len(split_large_faces(*wall, [view]).faces) > 2
+    near = grid_mesh(1, 1, 40.0, 30.0)
+    vertices = np.concatenate([wall[0], near[0] + [3.0, 2.0, -1.0]])
+    mesh = split_large_faces(vertices, np.concatenate([wall[1], near[1] + len(wall[0])]), [view])
+    assert (np.bincount(mesh.parent)[:2] == 1).all()
+    assert (np.bincount(mesh.parent)[2:] > 1).all()
+
+
+def test_a_ray_meets_the_triangle_before_the_eye_and_not_the_one_behind():
+    corners = np.array([[-1.0, -1, 3], [2, -1, 3], [-1, 2, 3]])
+    triangles = np.stack([corners, corners[::-1], -corners, corners + np.array([5.0, 0, 0])])
+    rays = np.array([[0.0, 0, 1], [0.1, 0.1, 1]])
+    np.testing.assert_array_equal(_meet(triangles, rays), [True, True, False, False])
+    around = np.array([[[-50.0, -40, 0.1], [60, -40, 0.1], [0, 70, 0.1]]])  # a field of nearly 180 degrees
+    assert _meet(around, np.array([[0.9, 0, 0.1]])).all()
