@@ -171,15 +171,21 @@ class Problem:
         return 6.0 * float(cost.sum()), information, pulled * weight[:, None]
 
 
-def adjust(problem: Problem, network: Network, iterations: int = 25) -> Network:
-    """Levenberg–Marquardt over all photos and points."""
-    return drain(adjust_job(problem, network, iterations))
+def adjust(problem: Problem, network: Network, iterations: int = 25, least_gain: float = 0.0) -> Network:
+    """Levenberg–Marquardt over all photos and points.
+
+    Ends where a step lessens the cost (squared standard deviations) by less than a hundredth per photo, or
+    by the share `least_gain`.
+    """
+    return drain(adjust_job(problem, network, iterations, least_gain))
 
 
-def adjust_job(problem: Problem, network: Network, iterations: int = 25) -> Job[Network]:
+def adjust_job(
+    problem: Problem, network: Network, iterations: int = 25, least_gain: float = 0.0
+) -> Job[Network]:
     """Job of `adjust`: one step per iteration."""
     system = problem.linearise(network)
-    damping = 1e-4
+    damping, slight = 1e-4, 0.01 * len(network.centres)
     for number in range(iterations):
         yield Progress(number / iterations, f"Adjusting {problem.tracks.count} points")
         trial = network.moved(*solve_system(problem.tracks, system, damping))
@@ -191,7 +197,7 @@ def adjust_job(problem: Problem, network: Network, iterations: int = 25) -> Job[
             continue
         gain = system.cost - trial_system.cost
         network, system, damping = trial, trial_system, max(damping * 0.1, 1e-9)
-        if gain < 1e-6 * system.cost:
+        if gain < max(slight, least_gain * system.cost):
             break
     return network
 

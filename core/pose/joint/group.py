@@ -20,6 +20,9 @@ from .lens import Lenses
 from .matching import choose_pairs_job, match_closely, match_roughly
 from .solution import Solution, solve_network_job
 
+ASTRAY = np.radians(2.0)
+"""Angle (rad) within which a feature is looked for at first, however sure the poses are said to be."""
+
 Matches = dict[tuple[int, int], IndexArray]
 """Matches {(i, j): (M,2)} of features of photos i and j."""
 
@@ -58,8 +61,11 @@ class Group:
         return self.camera(view).project(in_camera)
 
     def rough_radius(self, network: Network, prior: Prior) -> float:
-        """Pixels by which two starting poses may disagree: three standard deviations of each."""
-        shifts = []
+        """Pixels by which two starting poses may disagree: three standard deviations of each.
+
+        At least `ASTRAY`: a few poses are off by more than they say.
+        """
+        shifts, far = [], []
         for i, hits in enumerate(self.hits(network)):
             points = hits.points[np.isfinite(hits.points[:, 0])]
             if len(points):
@@ -67,8 +73,10 @@ class Group:
                 angle = np.sqrt(np.trace(covariance[:3, :3]) / 1.5)
                 distance = np.median(np.linalg.norm(points - network.centres[i], axis=1))
                 angle = np.hypot(angle, np.sqrt(np.trace(covariance[3:, 3:]) / 1.5) / distance)
-                shifts.append(angle * np.median(np.linalg.norm(self.features[i].to_pixels[:, 0], axis=1)))
-        return float(3.0 * np.sqrt(2.0) * np.max(shifts, initial=1.0))
+                per_radian = np.median(np.linalg.norm(self.features[i].to_pixels[:, 0], axis=1))
+                shifts.append(angle * per_radian)
+                far.append(ASTRAY * per_radian)
+        return float(max(3.0 * np.sqrt(2.0) * np.max(shifts, initial=1.0), np.max(far, initial=1.0)))
 
     def match_job(self, network: Network, radius: float, rough: bool) -> Job[Matches]:
         """Matches of all pairs of photos that see the same surface."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -19,6 +18,15 @@ from .features import Features, Hits, Surface
 
 SAMPLE = 300
 """Features of a photo that stand for the surface it sees."""
+
+MOST_ROUGHLY, MOST_CLOSELY = 48, 16
+"""Candidates that a feature is compared with at most, while poses are rough and when they are not."""
+
+ALIKE = 220.0
+"""Largest distance of descriptors (of length 512) of a match."""
+
+BLOCK = 1 << 16
+"""Pairs of descriptors compared at once."""
 
 
 def choose_pairs_job(
@@ -75,28 +83,9 @@ def match_roughly(
     `predicted` (N,2): where the scan points of a's features should lie in b, off by up to `radius` pixels.
     The descriptors decide, then the matches have to agree on a pose of b relative to the scan.
     """
-    first = np.flatnonzero(np.isfinite(predicted[: settings.first_features, 0]))
-    second = np.arange(min(len(b), settings.first_features))
-    if len(first) < 8 or len(second) < 8:
-        return np.zeros((0, 2), dtype=np.int64)
-    matcher = cv2.BFMatcher(cv2.NORM_L2)
-    forth = matcher.knnMatch(
-        a.descriptors[first].astype(np.float32), b.descriptors[second].astype(np.float32), 2
-    )
-    found = [
-        (m[0].queryIdx, m[0].trainIdx) for m in forth if len(m) == 2 and m[0].distance < 0.8 * m[1].distance
-    ]
-    pairs = np.array(found, dtype=np.int64).reshape(-1, 2)
-    pairs = np.stack([first[pairs[:, 0]], second[pairs[:, 1]]], axis=1)
-    near = np.linalg.norm(predicted[pairs[:, 0]] - b.pixels[pairs[:, 1]], axis=1) < radius
-    return _agreeing(_one_to_one(pairs[near]), b, hits_a, settings)
-
-
-def _one_to_one(pairs: IndexArray) -> IndexArray:
-    """Leave out features of the second photo that were matched twice."""
-    _, inverse, counts = np.unique(pairs[:, 1], return_inverse=True, return_counts=True)
-    single: IndexArray = pairs[counts[inverse] == 1]
-    return single
+    count = settings.first_features
+    candidates = _candidates(a, b, predicted[:count], radius, min(len(b), count), MOST_ROUGHLY)
+    return _agreeing(_clear_matches(*candidates, 0.8), b, hits_a, settings)
 
 
 def _agreeing(pairs: IndexArray, b: Features, hits_a: Hits, settings: JointSettings) -> IndexArray:
@@ -116,29 +105,48 @@ def _agreeing(pairs: IndexArray, b: Features, hits_a: Hits, settings: JointSetti
 
 
 def match_closely(a: Features, b: Features, predicted: FloatArray, radius: float) -> IndexArray:
-    """Matches (M,2) among the features of b within `radius` pixels of where a's should lie (N,2).
+    """Matches (M,2) among the features of b within `radius` pixels of where a's should lie (N,2)."""
+    return _clear_matches(*_candidates(a, b, predicted, radius, len(b), MOST_CLOSELY), 0.85)
 
-    The best of at most 16 candidates has to be clearly better than the next, and each other's best.
+
+def _candidates(
+    a: Features, b: Features, predicted: FloatArray, radius: float, count: int, most: int
+) -> tuple[IndexArray, FloatArray]:
+    """Pairs (P,2) of a's features and at most `most` of b's first `count` near them, and how unlike (P,).
+
+    Only what lies near and has about the same size is compared: that is what keeps hundreds of photos
+    quick, and what tells apart windows that look alike.
     """
     usable = np.flatnonzero(np.isfinite(predicted[:, 0]))
-    if len(usable) == 0 or len(b) < 2:
-        return np.zeros((0, 2), dtype=np.int64)
-    tree = cKDTree(b.pixels)
-    found = tree.query(predicted[usable], k=min(16, len(b)), distance_upper_bound=radius)
-    valid, candidate = np.isfinite(found[0]), np.asarray(found[1])
-    mine = a.descriptors[usable].astype(np.float32)
-    theirs = b.descriptors[np.where(valid, candidate, 0)].astype(np.float32)
-    apart = np.linalg.norm(theirs - mine[:, None, :], axis=2)
-    apart[~valid] = np.inf
-    similar_size = np.abs(np.log2(a.size[usable][:, None] / b.size[np.where(valid, candidate, 0)])) < 1.5
-    apart[~similar_size] = np.inf
-    order = np.argsort(apart, axis=1)
-    rows = np.arange(len(usable))
-    best, next_best = apart[rows, order[:, 0]], apart[rows, order[:, 1]]
+    if len(usable) == 0 or count == 0:
+        return np.zeros((0, 2), dtype=np.int64), np.zeros(0)
+    found = cKDTree(b.pixels[:count]).query(
+        predicted[usable], k=np.arange(1, min(most, count) + 1), distance_upper_bound=radius
+    )
+    row, place = np.nonzero(np.isfinite(found[0]))
+    pairs = np.stack([usable[row], np.asarray(found[1])[row, place]], axis=1).astype(np.int64)
+    alike = np.abs(np.log2(a.size[pairs[:, 0]] / b.size[pairs[:, 1]])) < 1.5
+    pairs = pairs[alike]
+    apart = np.empty(len(pairs))
+    for start in range(0, len(pairs), BLOCK):
+        mine, theirs = pairs[start : start + BLOCK].T
+        off = a.descriptors[mine].astype(np.float32) - b.descriptors[theirs]
+        apart[start : start + BLOCK] = np.sqrt(np.einsum("pk,pk->p", off, off))
+    return pairs, apart
+
+
+def _clear_matches(pairs: IndexArray, apart: FloatArray, ratio: float) -> IndexArray:
+    """Of candidates (P,2) the matches (M,2) that are clearly better than the next, and each other's best."""
+    order = np.lexsort((apart, pairs[:, 0]))
+    pairs, apart = pairs[order], apart[order]
+    first = np.flatnonzero(np.r_[True, pairs[1:, 0] != pairs[:-1, 0]]) if len(pairs) else order
+    following = np.append(first[1:], len(pairs))
+    rivals = np.append(apart, np.inf)
+    next_best = np.where(following - first > 1, rivals[np.minimum(first + 1, len(pairs))], np.inf)
+    best = apart[first]
     # lone candidates are held to the distance that good matches have
-    clear = np.isfinite(best) & (best < 0.85 * next_best) & (best < 220.0)
-    pairs = np.stack([usable[clear], candidate[rows, order[:, 0]][clear]], axis=1)
-    return _best_of_each(pairs, best[clear])
+    clear = (best < ratio * next_best) & (best < ALIKE)
+    return _best_of_each(pairs[first][clear], best[clear])
 
 
 def _best_of_each(pairs: IndexArray, apart: FloatArray) -> IndexArray:

@@ -65,7 +65,8 @@ def solve_network_job(
     for number in range(ROUNDS if tracks.count else 0):
         ties = meet_tracks(network, problem.tracks, surface, settings)
         problem = replace(problem, ties=ties)
-        job = adjust_job(problem, network)
+        # before the last round the scan is met anew and outliers go: no need to be exact
+        job = adjust_job(problem, network, least_gain=0.0 if number == ROUNDS - 1 else 1e-3)
         network = yield from part(job, number / ROUNDS, (number + 1) / ROUNDS)
         limit = 8.0 if number == 0 else 4.0
         problem, network = without_outliers(problem, network, limit)
