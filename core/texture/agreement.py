@@ -17,6 +17,7 @@ from ..jobs import Job, Progress
 from ..photos.view import View
 from .candidates import CandidateTable
 from .images import sample_image, view_name
+from .parallel import CORES, map_ahead
 from .surface import Surface
 from .visibility import project
 
@@ -83,14 +84,21 @@ def compare_poses_job(
     """Look for pieces of every photo in the photos that share most faces with it: -> [PoseAgreement]."""
     shared = shared_faces(table, len(views))
     pairs = _Pairs.empty(len(views))
-    for number, (view, preview) in enumerate(zip(views, previews, strict=True)):
-        yield Progress(number / len(views), f"Checking the pose of {view_name(view, number)}")
+
+    def check(number: int) -> list[tuple[int, _Comparison]]:
+        preview = previews[number]
         partners = [int(j) for j in np.argsort(-shared[number], kind="stable") if shared[number, j] > 0]
         if preview is None or not partners:
-            continue
-        pieces = _pieces(surface, view, preview)
-        for j in partners[:_PARTNERS]:
-            pairs.enter(number, j, _compare(pieces, surface, preview, views[j], previews[j]))
+            return []
+        pieces = _pieces(surface, views[number], preview)
+        others = partners[:_PARTNERS]
+        return [(j, _compare(pieces, surface, preview, views[j], previews[j])) for j in others]
+
+    checked = map_ahead(check, range(len(views)), CORES)
+    for number, view in enumerate(views):
+        yield Progress(number / len(views), f"Checking the pose of {view_name(view, number)}")
+        for j, comparison in next(checked):
+            pairs.enter(number, j, comparison)
     return _verdicts(pairs, np.array([1.0 if p is None else p.scale for p in previews]))
 
 

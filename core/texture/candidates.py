@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+
 import numpy as np
 
 from ..arrays import BoolArray, Float32Array, IndexArray
@@ -28,6 +30,7 @@ class CandidateTable:
         self.colour = np.zeros((face_count, slots, 3), dtype=np.uint8)
         self.seen_by = np.zeros(face_count, dtype=np.int16)
         self._index: tuple[IndexArray, IndexArray] | None = None
+        self._indexing = threading.Lock()
 
     @property
     def slots(self) -> int:
@@ -56,18 +59,22 @@ class CandidateTable:
 
     def of_view(self, view: int) -> tuple[IndexArray, IndexArray]:
         """Faces and slots where `view` is a candidate: (n,), (n,)."""
-        if self._index is None:
-            flat = self.view.ravel()
-            order: IndexArray = np.argsort(flat, kind="stable")
-            bounds: IndexArray = np.searchsorted(flat[order], np.arange(int(flat.max(initial=-1)) + 2))
-            self._index = order, bounds
-        else:
-            order, bounds = self._index
+        order, bounds = self._by_view()
         if view + 1 >= len(bounds):
             return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
         at = order[bounds[view] : bounds[view + 1]]
         at = at[self.view.ravel()[at] == view]  # some may have been dropped since
         return at // self.slots, at % self.slots
+
+    def _by_view(self) -> tuple[IndexArray, IndexArray]:
+        """Slots in the order of their photos, and where each photo's begin; several threads may ask."""
+        with self._indexing:
+            if self._index is None:
+                flat = self.view.ravel()
+                order: IndexArray = np.argsort(flat, kind="stable")
+                bounds: IndexArray = np.searchsorted(flat[order], np.arange(int(flat.max(initial=-1)) + 2))
+                self._index = order, bounds
+            return self._index
 
     def drop(self, face: IndexArray | BoolArray, slot: IndexArray | slice = slice(None)) -> None:
         """Empty slots."""

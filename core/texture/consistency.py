@@ -17,13 +17,14 @@ from ..arrays import BoolArray, ByteArray, Float32Array, FloatArray, IndexArray
 from ..cameras.base import Camera
 from ..jobs import Job, Progress, part
 from .candidates import CandidateTable
+from .parallel import CORES, map_ahead
 
 _CELLS = 96
 """Cells along the photo's longer side in which differences are averaged."""
 _LEAST = 0.07
 """Difference (of sRGB 1) that is never called foreign: lighting, glossy paint."""
 _TIMES_USUAL = 5.0
-_ROWS = 200_000
+_ROWS = 50_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,15 +37,23 @@ class Consensus:
 
 def consensus_job(table: CandidateTable, colours: ByteArray) -> Job[Consensus]:
     """Median of the gain-corrected colours (F,K,3) of each face; the lower one of the middle two."""
-    count = np.count_nonzero(table.filled, axis=1)
+    filled = table.filled
+    count = np.count_nonzero(filled, axis=1)
     middle = np.zeros((len(colours), 3), dtype=np.uint8)
-    for start in range(0, len(colours), _ROWS):
-        yield Progress(start / len(colours), "Comparing the photos' contents")
+
+    def median(start: int) -> ByteArray:
         rows = slice(start, start + _ROWS)
-        part = np.where(table.filled[rows][..., None], colours[rows], np.uint8(255))
-        ordered = np.sort(np.ascontiguousarray(part.transpose(0, 2, 1)), axis=2)
+        known = np.where(filled[rows, :, None], colours[rows], np.uint8(255))
+        ordered = np.sort(np.ascontiguousarray(known.transpose(0, 2, 1)), axis=2)
         at = np.maximum(count[rows] - 1, 0) // 2
-        middle[rows] = np.take_along_axis(ordered, at[:, None, None], axis=2)[..., 0]
+        lower: ByteArray = np.take_along_axis(ordered, at[:, None, None], axis=2)[..., 0]
+        return lower
+
+    starts = range(0, len(colours), _ROWS)
+    medians = map_ahead(median, starts, CORES)
+    for start in starts:
+        yield Progress(start / len(colours), "Comparing the photos' contents")
+        middle[start : start + _ROWS] = next(medians)
     return Consensus(middle, count)
 
 
@@ -104,10 +113,15 @@ def drop_foreign_job(table: CandidateTable, cameras: Sequence[Camera], colours: 
     """Empty the slots that show what other photos do not; -> share of each photo's faces (V,)."""
     agreed = yield from part(consensus_job(table, colours), 0.0, 0.4)
     total = np.bincount(table.view[table.filled], minlength=len(cameras))
+    judged = map_ahead(
+        lambda number: foreign_candidates(table, colours, agreed, number, cameras[number]),
+        range(len(cameras)),
+        CORES,
+    )
     found = []
-    for number, camera in enumerate(cameras):
+    for number in range(len(cameras)):
         yield Progress(0.4 + 0.6 * number / len(cameras), "Comparing the photos' contents")
-        found.append(foreign_candidates(table, colours, agreed, number, camera))
+        found.append(next(judged))
     for face, slot in found:
         # Where all photos of a face were found foreign to one another, they stay.
         left = np.count_nonzero(table.filled[face], axis=1) > 1

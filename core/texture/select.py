@@ -20,6 +20,7 @@ from .gains import corrected_colours, photo_gains
 from .images import check_views, view_name
 from .kept import KeptPhotos
 from .labels import label_faces_job
+from .parallel import CORES, map_ahead
 from .selection import Selection
 from .surface import Mesh, Surface, surface_job
 from .survey import Survey, survey_photos_job
@@ -120,12 +121,17 @@ def _charge_blur(
     surface: Surface, table: CandidateTable, views: Sequence[View], focus: Sequence[FocusModel | None]
 ) -> None:
     """Add to each candidate's cost the octaves of resolution that the photo's blur takes at its distance."""
-    for number, model in enumerate(focus):
+
+    def charge(number: int) -> None:
+        model = focus[number]
         if model is None:
-            continue
+            return
         face, slot = table.of_view(number)
         distance = _distance(surface, views[number], face)
         table.cost[face, slot] += model.lost_octaves(distance).astype(np.float32)
+
+    for _ in map_ahead(charge, range(len(focus)), CORES):
+        pass
 
 
 def _distance(surface: Surface, view: View, face: IndexArray) -> Float32Array:
