@@ -139,12 +139,15 @@ class FrescoDelivery(bpy.types.PropertyGroup):
         precision=4,
         description="Distance from the scan that 95 % of the simplified model's surface keep within",
     )
-    chart_json: bpy.props.StringProperty(description="The colour chart that was found, as JSON")
+    charts_json: bpy.props.StringProperty(description="The colour charts that were found, by layer, as JSON")
 
     @property
     def chart_told(self) -> str:
-        """What the colour chart does, in words; nothing without one."""
-        return str(json.loads(self.chart_json)["told"]) if self.chart_json else ""
+        """What the colour charts do, in words; nothing without one."""
+        charts = json.loads(self.charts_json or "{}")
+        return "; ".join(
+            f"{layer}: {chart['told']}" if layer else chart["told"] for layer, chart in charts.items()
+        )
 
 
 CLASSES = (FrescoExportSettings, FrescoCompare, FrescoMaps, FrescoDelivery)

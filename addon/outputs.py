@@ -7,7 +7,7 @@ import io
 import json
 import logging
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -19,12 +19,15 @@ from ..core.errors import OutputError
 from ..core.files import output_error
 from ..core.jobs import Job, Progress, part
 from ..core.project import TexturedScan
+from ..core.project.cloud import ColouredCloud, write_coloured_cloud
 from ..core.project.models import layer_ending
 from ..core.report import Report, write_report_job
 from ..core.scans import Scan
 from ..core.texture import write_obj_job
+from ..core.texture.colour_correction import ColourCorrection
 from .bridge.texture import read_gains, show_layer
 from .bridge.world import read_offset
+from .tools.background import beside_job, one_step_job
 
 
 @dataclass(frozen=True)
@@ -63,10 +66,6 @@ class Wanted:
 
 def outputs_job(context: bpy.types.Context, wanted: Wanted, scan: Scan, report: Report) -> Job[list[Path]]:
     """Write what is wanted; each file appears complete or not at all. Raises OutputError."""
-    try:
-        wanted.folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise output_error(wanted.folder, error) from error
     jobs: list[Callable[[], Job[Path]]] = []
     if wanted.obj:
         for layer, textured in zip(wanted.layers, report.textures, strict=True):
@@ -81,6 +80,40 @@ def outputs_job(context: bpy.types.Context, wanted: Wanted, scan: Scan, report: 
             jobs.append(partial(_model_glb_job, context, wanted.model_path(model), model))
     if wanted.blend:
         jobs.append(lambda: _blend_job(wanted.path(".blend")))
+    return (yield from _written_job(wanted.folder, jobs))
+
+
+def cloud_outputs_job(
+    wanted: Wanted,
+    scan: Scan,
+    report: Report,
+    clouds: Mapping[str, tuple[ColouredCloud, ColourCorrection | None]],
+) -> Job[list[Path]]:
+    """Write coloured points, a PLY for each layer: models would need faces. Raises OutputError."""
+    jobs: list[Callable[[], Job[Path]]] = []
+    for layer, (cloud, correction) in clouds.items():
+        path = wanted.path(layer_ending(layer, "_colours.ply"))
+        jobs.append(partial(_points_job, path, cloud, scan.offset, correction))
+    if wanted.report:
+        jobs.append(lambda: write_report_job(report, wanted.path("_report.html")))
+    if wanted.blend:
+        jobs.append(lambda: _blend_job(wanted.path(".blend")))
+    return (yield from _written_job(wanted.folder, jobs))
+
+
+def _points_job(
+    path: Path, cloud: ColouredCloud, offset: FloatArray, correction: ColourCorrection | None
+) -> Job[Path]:
+    job = one_step_job(partial(write_coloured_cloud, path, cloud, offset, correction), f"Writing {path.name}")
+    return (yield from beside_job(job))
+
+
+def _written_job(folder: Path, jobs: Sequence[Callable[[], Job[Path]]]) -> Job[list[Path]]:
+    """Run the jobs that write files into a folder, which is made."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise output_error(folder, error) from error
     written = []
     for number, job in enumerate(jobs):
         written.append((yield from part(job(), number / len(jobs), (number + 1) / len(jobs))))

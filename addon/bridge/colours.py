@@ -27,17 +27,21 @@ def write_scan_colours(
 
 def read_scan_colours(mesh: bpy.types.Mesh) -> tuple[ByteArray | None, Float32Array | None]:
     """Return the scan's own colours (V,3) sRGB and intensities (V,), None where it has none."""
-    count = len(mesh.vertices)
-    colours, intensity = mesh.color_attributes.get(SCAN_COLOURS), mesh.attributes.get(INTENSITY)
-    rgb = values = None
-    if colours is not None and colours.domain == "POINT":
-        flat = np.empty(4 * count, dtype=np.float32)
-        colours.data.foreach_get("color_srgb", flat)
-        rgb = np.rint(255 * flat.reshape(-1, 4)[:, :3]).astype(np.uint8)
+    intensity, values = mesh.attributes.get(INTENSITY), None
     if intensity is not None and intensity.domain == "POINT":
-        values = np.empty(count, dtype=np.float32)
+        values = np.empty(len(mesh.vertices), dtype=np.float32)
         intensity.data.foreach_get("value", values)
-    return rgb, values
+    return read_point_colours(mesh, SCAN_COLOURS), values
+
+
+def read_point_colours(mesh: bpy.types.Mesh, name: str) -> ByteArray | None:
+    """SRGB colours (V,3) of vertices, None where there is no colour attribute of that name."""
+    attribute = mesh.color_attributes.get(name)
+    if attribute is None or attribute.domain != "POINT":
+        return None
+    flat = np.empty(4 * len(mesh.vertices), dtype=np.float32)
+    attribute.data.foreach_get("color_srgb", flat)
+    return np.rint(255 * flat.reshape(-1, 4)[:, :3]).astype(np.uint8)
 
 
 def carry_over(mesh: bpy.types.Mesh, scan: Scan, textured: TexturedScan) -> None:

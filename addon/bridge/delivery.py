@@ -13,17 +13,53 @@ import numpy as np
 from ...core.arrays import AnyArray, FloatArray, IntArray
 from ...core.project import TexturedScan
 from ...core.project.colour_chart import ChartResult, ColourChartEntry
-from ...core.project.delivery import BakedAtlas
-from ...core.project.simplified import SimplifiedModel
+from ...core.project.delivery import BakedAtlas, DeliverySettings
+from ...core.project.simplified import SimplifiedModel, SimplifySettings
+from ...core.settings import AtlasSettings
 from ...core.texture.colour_correction import ColourCorrection
+from ..settings import from_core, to_core
 from . import materials, meshes
 from .images import load_image
-from .world import collection
+from .world import collection, find_collection
 
 COLLECTION = "Delivery"
 UV_MAP = "Atlas"
 SIMPLIFIED_KEY = "fresco_simplified"
 """ID property of a simplified model's object: its numbers in words."""
+
+
+def delivery_settings(scene: bpy.types.Scene) -> DeliverySettings:
+    """Return what the panel asks for."""
+    delivery = scene.fresco.delivery
+    return DeliverySettings(to_core(scene.fresco.atlas, AtlasSettings), delivery.level, delivery.untouched)
+
+
+def simplify_settings(scene: bpy.types.Scene) -> SimplifySettings:
+    """Return how far the panel asks to simplify."""
+    delivery = scene.fresco.delivery
+    if delivery.simplify_by == "FACES":
+        return SimplifySettings(faces=delivery.simplify_faces)
+    return SimplifySettings(tolerance=float(str(np.float32(delivery.simplify_tolerance))))
+
+
+def show_settings(scene: bpy.types.Scene, atlas: DeliverySettings, simplify: SimplifySettings | None) -> None:
+    """Let the panel ask for what a project asks for."""
+    delivery = scene.fresco.delivery
+    from_core(scene.fresco.atlas, atlas.atlas)
+    delivery.level, delivery.untouched = atlas.level, atlas.untouched
+    if simplify is None:
+        return
+    delivery.simplify_by = "TOLERANCE" if simplify.faces is None else "FACES"
+    if simplify.faces is not None:
+        delivery.simplify_faces = simplify.faces
+    if simplify.tolerance is not None:
+        delivery.simplify_tolerance = simplify.tolerance
+
+
+def atlas_objects(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """Return the models of baked atlases."""
+    found = find_collection(scene, COLLECTION)
+    return [] if found is None else [obj for obj in found.objects if SIMPLIFIED_KEY not in obj]
 
 
 def show_atlas(context: bpy.types.Context, textured: TexturedScan, baked: BakedAtlas) -> bpy.types.Object:
@@ -81,15 +117,21 @@ def _page_material(name: str, image: bpy.types.Image) -> bpy.types.Material:
 
 
 def write_chart(scene: bpy.types.Scene, entry: ColourChartEntry, chart: ChartResult) -> None:
-    """Keep a colour chart with the scene."""
+    """Keep the colour chart of a layer with the scene, in place of an earlier one."""
+    delivery = scene.fresco.delivery
     fitted = dataclasses.asdict(chart.correction) | {"coefficients": chart.correction.coefficients.tolist()}
-    kept = {"path": str(entry.photo), "layer": entry.layer, "photo": chart.photo, "told": chart.told}
-    scene.fresco.delivery.chart_json = json.dumps(kept | {"correction": fitted})
+    asked = {"path": str(entry.photo), "corners": entry.corners, "method": entry.method}
+    kept = json.loads(delivery.charts_json or "{}")
+    kept[entry.layer] = asked | {"photo": chart.photo, "told": chart.told, "correction": fitted}
+    delivery.charts_json = json.dumps(kept)
 
 
-def read_chart(scene: bpy.types.Scene) -> tuple[ColourChartEntry, ChartResult]:
-    """Return the scene's colour chart."""
-    kept = json.loads(scene.fresco.delivery.chart_json)
-    fitted = kept["correction"] | {"coefficients": np.array(kept["correction"]["coefficients"])}
-    chart = ChartResult(kept["photo"], ColourCorrection(**fitted))
-    return ColourChartEntry(Path(kept["path"]), kept["layer"]), chart
+def read_charts(scene: bpy.types.Scene) -> dict[str, tuple[ColourChartEntry, ChartResult]]:
+    """Return the scene's colour charts by layer."""
+    found = {}
+    for layer, kept in json.loads(scene.fresco.delivery.charts_json or "{}").items():
+        fitted = kept["correction"] | {"coefficients": np.array(kept["correction"]["coefficients"])}
+        corners = None if kept["corners"] is None else tuple((u, v) for u, v in kept["corners"])
+        entry = ColourChartEntry(Path(kept["path"]), layer, corners, kept["method"])
+        found[layer] = entry, ChartResult(kept["photo"], ColourCorrection(**fitted))
+    return found

@@ -33,15 +33,36 @@ def fill_mesh(mesh: bpy.types.Mesh, vertices: ArrayLike, faces: IntArray) -> Non
     corners = np.ascontiguousarray(faces, dtype=np.int32)
     mesh.vertices.add(len(positions))
     mesh.attributes["position"].data.foreach_set("vector", positions.ravel())
+    if len(corners):
+        _fill_faces(mesh, corners)
+    mesh.update(calc_edges=True)
+    if len(corners):
+        mesh.shade_flat()  # a scan's facets are what was measured
+    for name in (".select_vert", ".select_edge", ".select_poly"):  # new geometry comes selected
+        remove_attribute(mesh, name)
+
+
+def _fill_faces(mesh: bpy.types.Mesh, corners: IntArray) -> None:
     mesh.loops.add(corners.size)
     mesh.polygons.add(len(corners))
     starts = np.arange(0, corners.size, 3, dtype=np.int32)
     mesh.polygons.foreach_set("loop_start", starts)
     mesh.attributes[".corner_vert"].data.foreach_set("value", corners.ravel())
-    mesh.update(calc_edges=True)
-    mesh.shade_flat()  # a scan's facets are what was measured
-    for name in (".select_vert", ".select_edge", ".select_poly"):  # new geometry comes selected
-        remove_attribute(mesh, name)
+
+
+def is_cloud(mesh: bpy.types.Mesh) -> bool:
+    """Whether a mesh has points only."""
+    return len(mesh.polygons) == 0 and len(mesh.vertices) > 0
+
+
+def element_count(mesh: bpy.types.Mesh) -> int:
+    """Number of what regions consist of: faces, or the points of a cloud."""
+    return len(mesh.vertices) if is_cloud(mesh) else len(mesh.polygons)
+
+
+def element_name(mesh: bpy.types.Mesh) -> str:
+    """What regions consist of, in words."""
+    return "points" if is_cloud(mesh) else "faces"
 
 
 def is_triangulated(mesh: bpy.types.Mesh) -> bool:
@@ -52,7 +73,7 @@ def is_triangulated(mesh: bpy.types.Mesh) -> bool:
 def read_faces(mesh: bpy.types.Mesh) -> IntArray:
     """Vertex indices (F,3) of a mesh of triangles; `ScanError` if it has other faces."""
     if len(mesh.polygons) == 0:
-        raise ScanError(f"{mesh.name} has no faces: import a mesh, or mesh the point cloud first.")
+        raise ScanError(f"{mesh.name} has points only, and this needs faces: mesh the point cloud first.")
     if not is_triangulated(mesh):
         raise ScanError(
             f"{mesh.name} has faces with more than three corners: triangulate it first "
@@ -61,6 +82,11 @@ def read_faces(mesh: bpy.types.Mesh) -> IntArray:
     corners = np.empty(len(mesh.loops), dtype=np.int32)
     mesh.attributes[".corner_vert"].data.foreach_get("value", corners)
     return corners.reshape(-1, 3)
+
+
+def read_any_faces(mesh: bpy.types.Mesh) -> IntArray:
+    """Vertex indices (F,3) of a mesh of triangles; none of a point cloud."""
+    return np.zeros((0, 3), dtype=np.int32) if is_cloud(mesh) else read_faces(mesh)
 
 
 def read_triangles(mesh: bpy.types.Mesh) -> IntArray:
@@ -92,25 +118,43 @@ def to_object_frame(obj: bpy.types.Object, vertices: FloatArray) -> FloatArray:
 
 def write_face_attribute(mesh: bpy.types.Mesh, name: str, values: AnyArray) -> None:
     """Store one value per face (bool, int32 or float32) under a name, replacing what is there."""
+    _write_attribute(mesh, name, values, "FACE")
+
+
+def write_element_attribute(mesh: bpy.types.Mesh, name: str, values: AnyArray) -> None:
+    """Store one value per face, or per point of a cloud, like `write_face_attribute`."""
+    _write_attribute(mesh, name, values, "POINT" if is_cloud(mesh) else "FACE")
+
+
+def _write_attribute(mesh: bpy.types.Mesh, name: str, values: AnyArray, domain: str) -> None:
     kind = _ATTRIBUTE_TYPES[values.dtype]
     attribute = mesh.attributes.get(name)
-    if attribute is not None and (attribute.domain != "FACE" or attribute.data_type != kind):
+    if attribute is not None and (attribute.domain != domain or attribute.data_type != kind):
         mesh.attributes.remove(attribute)
         attribute = None
     if attribute is None:
-        attribute = mesh.attributes.new(name, kind, "FACE")
+        attribute = mesh.attributes.new(name, kind, domain)
     attribute.data.foreach_set("value", np.ascontiguousarray(values))
 
 
 def read_face_attribute(mesh: bpy.types.Mesh, name: str) -> AnyArray | None:
     """Values per face (F,) of a bool, int or float attribute, or None where there is none of that name."""
+    return _read_attribute(mesh, name, "FACE")
+
+
+def read_element_attribute(mesh: bpy.types.Mesh, name: str) -> AnyArray | None:
+    """Values per face, or per point of a cloud, like `read_face_attribute`."""
+    return _read_attribute(mesh, name, "POINT" if is_cloud(mesh) else "FACE")
+
+
+def _read_attribute(mesh: bpy.types.Mesh, name: str, domain: str) -> AnyArray | None:
     attribute = mesh.attributes.get(name)
-    if attribute is None or attribute.domain != "FACE":
+    if attribute is None or attribute.domain != domain:
         return None
     types = {kind: dtype for dtype, kind in _ATTRIBUTE_TYPES.items()}
     if attribute.data_type not in types:
         return None
-    values = np.empty(len(mesh.polygons), dtype=types[attribute.data_type])
+    values = np.empty(len(attribute.data), dtype=types[attribute.data_type])
     attribute.data.foreach_get("value", values)
     return values
 
@@ -129,22 +173,28 @@ def face_attribute_names(mesh: bpy.types.Mesh) -> list[str]:
 
 
 def read_selected_faces(mesh: bpy.types.Mesh) -> BoolArray:
-    """Which faces (F,) are selected; the mesh must not be in Edit Mode."""
-    selected = read_face_attribute(mesh, ".select_poly")
-    return np.zeros(len(mesh.polygons), dtype=np.bool_) if selected is None else selected
+    """Which faces, or points of a cloud, are selected; the mesh must not be in Edit Mode."""
+    selected = read_element_attribute(mesh, ".select_vert" if is_cloud(mesh) else ".select_poly")
+    return np.zeros(element_count(mesh), dtype=np.bool_) if selected is None else selected
 
 
 def read_group_faces(obj: bpy.types.Object, group: int) -> BoolArray:
-    """Faces (F,) of a mesh of triangles whose corners all belong to a vertex group."""
+    """Faces of a mesh of triangles whose corners all belong to a vertex group; of a cloud its points."""
     weights = (
         any(entry.group == group and entry.weight > 0 for entry in v.groups) for v in obj.data.vertices
     )
     member = np.fromiter(weights, dtype=np.bool_, count=len(obj.data.vertices))
-    return member[read_faces(obj.data)].all(axis=1)
+    return member if is_cloud(obj.data) else member[read_faces(obj.data)].all(axis=1)
 
 
 def select_faces(mesh: bpy.types.Mesh, selected: BoolArray) -> None:
-    """Select exactly these faces (F,) with their vertices and edges; the mesh must not be in Edit Mode."""
+    """Select exactly these faces with their vertices and edges, or these points of a cloud.
+
+    The mesh must not be in Edit Mode.
+    """
+    if is_cloud(mesh):
+        mesh.vertices.foreach_set("select", selected)
+        return
     vertices = np.zeros(len(mesh.vertices), dtype=np.bool_)
     vertices[read_faces(mesh)[selected].ravel()] = True
     edges = np.empty(2 * len(mesh.edges), dtype=np.int32)

@@ -10,6 +10,9 @@ from ...core.arrays import ArrayLike, FloatArray
 from ...core.pose.points.survey import Survey
 from ...core.project import PhotoPose
 from ..properties import FrescoPhoto
+from .meshes import is_cloud, read_vertices
+
+_EXACT = 0.003  # radians, some pixels of a view
 
 
 def write_point(scene: bpy.types.Scene, name: str, point: ArrayLike) -> None:
@@ -77,7 +80,18 @@ def write_residuals(photo: FrescoPhoto, result: PhotoPose) -> None:
 def point_on_scan(context: bpy.types.Context, origin: Vector, direction: Vector) -> FloatArray | None:
     """Place (3,) in Blender's world where a ray meets the scan, None where it passes by."""
     scan = context.scene.fresco.scan
+    if is_cloud(scan.data):
+        return _point_beside(read_vertices(scan), np.array(origin), np.array(direction.normalized()))
     inverse = scan.matrix_world.inverted()
     start, way = inverse @ origin, (inverse.to_3x3() @ direction).normalized()
     hit, place, _, _ = scan.ray_cast(start, way, depsgraph=context.evaluated_depsgraph_get())
     return np.array(scan.matrix_world @ place) if hit else None
+
+
+def _point_beside(points: FloatArray, origin: FloatArray, direction: FloatArray) -> FloatArray | None:
+    """Nearest of the points (N,3) that lie beside a ray by less than a click is exact, m."""
+    away = points - origin
+    along = away @ direction
+    beside = np.linalg.norm(away - along[:, None] * direction, axis=1)
+    met = np.flatnonzero((along > 0) & (beside < _EXACT * along))
+    return points[met[np.argmin(along[met])]] if len(met) else None

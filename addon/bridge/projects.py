@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
@@ -15,11 +15,11 @@ from ...core.errors import ProjectError
 from ...core.jobs import Job, part
 from ...core.photos import Photo
 from ...core.project import Project, ProjectResult
+from ...core.project.colour_chart import ChartResult, ColourChartEntry
 from ...core.project.delivery import DeliverySettings
 from ...core.project.entries import OutputEntry, PhotoEntry, RegionEntries, ScanEntry
 from ...core.project.point_poses import PointsEntry, read_points
 from ...core.project.refinement import RefineSettings
-from ...core.project.simplified import SimplifySettings
 from ...core.project.surfaces import opening_regions
 from ...core.regions import SurfaceRegion
 from ...core.scans import Scan
@@ -32,8 +32,7 @@ from ...core.settings import (
     TextureSettings,
 )
 from ..settings import from_core, to_core
-from . import photos, points, regions, scans
-from .delivery import show_simplified
+from . import delivery, photos, points, regions, scans
 from .images import load_mask
 from .previews import preview_job
 from .texture import show_layers
@@ -51,6 +50,7 @@ class OpenedProject:
     region_faces: Mapping[str, IntArray]
     previews: Previews
     occluders: Sequence[Scan] = ()
+    charts: Mapping[str, ChartResult] = field(default_factory=dict)
 
 
 def previews_job(project: Project, size: int) -> Job[Previews]:
@@ -100,15 +100,10 @@ def show_project(context: bpy.types.Context, opened: OpenedProject) -> None:
     fresco.compare.lenses = project.refine.lenses
     from_core(fresco.texture, project.texture)
     show_points(context.scene, project, opened.scan)
-    delivery = project.atlas or DeliverySettings()
-    from_core(fresco.atlas, delivery.atlas)
-    fresco.delivery.level, fresco.delivery.untouched = delivery.level, delivery.untouched
-    simplify = project.simplify or SimplifySettings()
-    fresco.delivery.simplify_by = "TOLERANCE" if simplify.tolerance else "FACES"
-    if simplify.faces is not None:
-        fresco.delivery.simplify_faces = simplify.faces
-    if simplify.tolerance is not None:
-        fresco.delivery.simplify_tolerance = simplify.tolerance
+    delivery.show_settings(context.scene, project.atlas or DeliverySettings(), project.simplify)
+    fresco.delivery.charts_json = ""
+    for entry in project.charts:
+        delivery.write_chart(context.scene, entry, opened.charts[entry.layer])
     output = project.output
     fresco.export.folder, fresco.export.name = str(output.folder.resolve()), output.name
     fresco.export.write_glb, fresco.export.write_obj = output.glb, output.obj
@@ -127,7 +122,7 @@ def show_openings(scene: bpy.types.Scene, project: Project, scan: Scan) -> None:
 def read_project(scene: bpy.types.Scene, path: Path) -> Project:
     """Return the scene as a project that is to be written to `path`; `ProjectError` if it cannot be one.
 
-    Regions that have faces are not in it: `regions.keep_faces` tells where they lie.
+    Regions that have faces are not in it: `regions.keep_scan` tells where they lie.
     """
     fresco = scene.fresco
     if fresco.scan is None or not fresco.scan_path:
@@ -135,6 +130,7 @@ def read_project(scene: bpy.types.Scene, path: Path) -> Project:
     if not any(photo.use and photo.camera_json for photo in fresco.photos):
         raise ProjectError(path, "photo", "no photo is in use and calibrated: set the calibration first")
     survey = PointsEntry(path, settings=to_core(fresco.point_settings, PointSettings))
+    charts = _charts(scene)
     return Project(
         path=path,
         scan=ScanEntry(Path(fresco.scan_path), to_core(fresco.scan_settings, ScanSettings)),
@@ -146,7 +142,17 @@ def read_project(scene: bpy.types.Scene, path: Path) -> Project:
         texture=to_core(fresco.texture, TextureSettings),
         output=_output_entry(scene, path),
         points=survey if len(fresco.points) else None,
+        atlas=delivery.delivery_settings(scene) if charts or delivery.atlas_objects(scene) else None,
+        simplify=delivery.simplify_settings(scene) if delivery.simplified_objects(scene) else None,
+        charts=charts,
     )
+
+
+def _charts(scene: bpy.types.Scene) -> tuple[ColourChartEntry, ...]:
+    """Colour charts that what is baked follows."""
+    layers = {item.layer.strip() for item in scene.fresco.photos if item.use}
+    entries = [entry for entry, _ in delivery.read_charts(scene).values() if entry.layer in layers]
+    return () if scene.fresco.delivery.untouched else tuple(entries)
 
 
 def _refine_settings(scene: bpy.types.Scene) -> RefineSettings:
@@ -229,7 +235,9 @@ def show_photo(context: bpy.types.Context, photo: Photo, preview: ByteArray | No
 
 def show_result(context: bpy.types.Context, result: ProjectResult, previews: Previews) -> None:
     """Show what a run has found: the project, its poses, its texture."""
-    opened = OpenedProject(result.project, result.scan, result.region_faces, previews, result.occluders)
+    opened = OpenedProject(
+        result.project, result.scan, result.region_faces, previews, result.occluders, result.charts
+    )
     show_project(context, opened)
     items = context.scene.fresco.photos
     for solved in result.poses:
@@ -239,4 +247,4 @@ def show_result(context: bpy.types.Context, result: ProjectResult, previews: Pre
         points.write_residuals(items[solved.photo], solved)
     show_layers(context.scene, result.layers)
     for model in result.simplified.values():
-        show_simplified(context, model)
+        delivery.show_simplified(context, model)

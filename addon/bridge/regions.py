@@ -7,6 +7,7 @@ import json
 import secrets
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import bpy
 import numpy as np
@@ -15,7 +16,9 @@ from ...core.arrays import ArrayLike, BoolArray, FloatArray, IndexArray, IntArra
 from ...core.errors import RegionError
 from ...core.photos import RegionMark
 from ...core.regions import ImageRegion, SurfaceRegion
+from ...core.regions.cloud_region import cloud_region, found_points
 from ...core.regions.surface_files import FaceRegion, found_again, kept_regions
+from ...core.scans import Scan
 from ..properties import FrescoPhoto, FrescoRegion
 from . import meshes
 from .images import load_mask, pack_mask
@@ -50,8 +53,8 @@ def named_region(scene: bpy.types.Scene, name: str) -> FrescoRegion:
 
 
 def write_faces(scene: bpy.types.Scene, region: FrescoRegion, inside: BoolArray) -> None:
-    """Set the faces (F,) of a region on the scan."""
-    meshes.write_face_attribute(scene.fresco.scan.data, region.attribute, inside)
+    """Set the faces (F,) of a region on the scan; of a point cloud, here and below, its points."""
+    meshes.write_element_attribute(scene.fresco.scan.data, region.attribute, inside)
     region.face_count = int(np.count_nonzero(inside))
     region.revision = secrets.randbits(31)
     region.opening_json = ""
@@ -59,7 +62,7 @@ def write_faces(scene: bpy.types.Scene, region: FrescoRegion, inside: BoolArray)
 
 def write_face_set(scene: bpy.types.Scene, region: FrescoRegion, faces: ArrayLike) -> None:
     """Set the faces of a region by their numbers."""
-    inside = np.zeros(len(scene.fresco.scan.data.polygons), dtype=np.bool_)
+    inside = np.zeros(meshes.element_count(scene.fresco.scan.data), dtype=np.bool_)
     inside[np.asarray(faces, dtype=np.int64)] = True
     write_faces(scene, region, inside)
 
@@ -74,8 +77,8 @@ def write_face_sets(scene: bpy.types.Scene, face_sets: Mapping[str, ArrayLike]) 
 def read_faces(scene: bpy.types.Scene, region: FrescoRegion) -> BoolArray:
     """Return the faces (F,) of a region; all false where it has none."""
     mesh = scene.fresco.scan.data
-    inside = meshes.read_face_attribute(mesh, region.attribute)
-    return np.zeros(len(mesh.polygons), dtype=np.bool_) if inside is None else inside
+    inside = meshes.read_element_attribute(mesh, region.attribute)
+    return np.zeros(meshes.element_count(mesh), dtype=np.bool_) if inside is None else inside
 
 
 def count_faces(scene: bpy.types.Scene) -> None:
@@ -85,37 +88,64 @@ def count_faces(scene: bpy.types.Scene) -> None:
         region.revision = secrets.randbits(31)
 
 
-def keep_faces(scene: bpy.types.Scene) -> list[FaceRegion]:
-    """Remember where the faces of all regions lie, in true coordinates; by the regions' names.
+@dataclass(frozen=True, eq=False)
+class KeptScan:
+    """A scan in true coordinates, (V,3) m and (F,3), and the faces or points (n,) of its regions by name.
 
-    None are remembered of a mesh with faces of more than three corners: core does not know such regions.
+    Taken out of Blender, so that a thread can find the regions on another scan.
     """
+
+    vertices: FloatArray
+    faces: IntArray
+    chosen: Sequence[tuple[str, IndexArray]]
+
+    def face_regions(self) -> list[FaceRegion]:
+        """Where the regions lie, as a project keeps it; none of a point cloud."""
+        return kept_regions(self.vertices, self.faces, self.chosen) if len(self.faces) else []
+
+    def point_labels(self) -> dict[str, BoolArray]:
+        """Which points (V,) of a cloud belong to each region; none of a mesh."""
+        return {} if len(self.faces) else {name: self._mask(chosen) for name, chosen in self.chosen}
+
+    def _mask(self, chosen: IndexArray) -> BoolArray:
+        inside = np.zeros(len(self.vertices), dtype=np.bool_)
+        inside[chosen] = True
+        return inside
+
+    def found_in(self, scan: Scan) -> tuple[dict[str, IndexArray], list[str]]:
+        """Faces or points of the regions in a new scan, and a sentence for every one that is not there.
+
+        Regions that the new scan brings itself are left out.
+        """
+        vertices, found, lost = scan.vertices + scan.offset, {}, []
+        bare = [(name, chosen) for name, chosen in self.chosen if name not in scan.face_sets]
+        if bare and scan.is_cloud != (len(self.faces) == 0):
+            return {}, [
+                f"Region '{name}' was marked on another kind of scan: mark it anew." for name, _ in bare
+            ]
+        if scan.is_cloud:
+            searches = [
+                (name, partial(found_points, self.vertices[chosen], vertices, name)) for name, chosen in bare
+            ]
+        else:
+            kept = kept_regions(self.vertices, self.faces, bare)
+            searches = [(region.name, partial(found_again, region, vertices, scan.faces)) for region in kept]
+        for name, search in searches:
+            try:
+                found[name] = search()
+            except RegionError as error:
+                lost.append(str(error))
+        return found, lost
+
+
+def keep_scan(scene: bpy.types.Scene) -> KeptScan | None:
+    """Take scan and regions out of Blender; None without a scan, or of one whose faces are no triangles."""
     scan = scene.fresco.scan
     if scan is None or not meshes.is_triangulated(scan.data):
-        return []
+        return None
     chosen = [(r.name, np.flatnonzero(read_faces(scene, r))) for r in scene.fresco.regions]
     corners = meshes.read_vertices(scan) + read_offset(scene)
-    return kept_regions(corners, meshes.read_faces(scan.data), [pair for pair in chosen if len(pair[1])])
-
-
-def restore_faces(scene: bpy.types.Scene, kept: Sequence[FaceRegion]) -> list[str]:
-    """Give regions that a new scan does not have itself the faces that lie where theirs were.
-
-    Returns a sentence for every region that is not there.
-    """
-    bare = [region for region in kept if not scene.fresco.region_named(region.name).is_on_scan]
-    if not bare:
-        return []
-    scan, lost = scene.fresco.scan, []
-    corners, triangles = meshes.read_vertices(scan) + read_offset(scene), meshes.read_faces(scan.data)
-    for region in bare:
-        try:
-            faces = found_again(region, corners, triangles)
-        except RegionError as error:
-            lost.append(str(error))
-        else:
-            write_face_set(scene, scene.fresco.region_named(region.name), faces)
-    return lost
+    return KeptScan(corners, meshes.read_any_faces(scan.data), [pair for pair in chosen if len(pair[1])])
 
 
 def remove_region(scene: bpy.types.Scene, index: int) -> None:
@@ -197,6 +227,17 @@ def opening_in_world(scan: bpy.types.Object, opening_json: str) -> tuple[FloatAr
     return corners, np.array(content["triangles"], dtype=np.int64)
 
 
+def patch(vertices: FloatArray, faces: IntArray, inside: BoolArray, name: str) -> SurfaceRegion:
+    """Region of a mesh (V,3) m, (F,3) that has the faces `inside` (F,); of points (V,) where it has none.
+
+    Raises RegionError where points have no outline.
+    """
+    if len(faces) == 0:
+        return cloud_region(vertices[inside], name)
+    used, corners = np.unique(faces[inside].ravel(), return_inverse=True)
+    return SurfaceRegion(vertices[used], corners.reshape(-1, 3), name)
+
+
 @dataclass(frozen=True, eq=False)
 class SurfaceSource:
     """The scan (vertices (V,3) m in Blender's world, faces (F,3)) and what regions take of it.
@@ -213,8 +254,7 @@ class SurfaceSource:
         """Return core's regions by name, each with its own vertices."""
         surfaces = {name: SurfaceRegion(*shape, name) for name, shape in self.openings.items()}
         for name, inside in self.inside.items():
-            used, corners = np.unique(self.faces[inside].ravel(), return_inverse=True)
-            surfaces[name] = SurfaceRegion(self.vertices[used], corners.reshape(-1, 3), name)
+            surfaces[name] = patch(self.vertices, self.faces, inside, name)
         return surfaces
 
 
@@ -229,12 +269,7 @@ def surface_source(scene: bpy.types.Scene) -> SurfaceSource:
         faces = read_faces(scene, region)
         if faces.any():
             inside[region.name] = faces
-    return SurfaceSource(meshes.read_vertices(scan), meshes.read_faces(scan.data), inside, openings)
-
-
-def read_surfaces(scene: bpy.types.Scene) -> dict[str, SurfaceRegion]:
-    """Return core's regions of the scan by name, in Blender's world, metres."""
-    return surface_source(scene).regions()
+    return SurfaceSource(meshes.read_vertices(scan), meshes.read_any_faces(scan.data), inside, openings)
 
 
 def write_mark(photo: FrescoPhoto, region: FrescoRegion, mark: RegionMark, size: tuple[int, int]) -> None:

@@ -10,7 +10,6 @@ import bpy
 import numpy as np
 
 from ...core.arrays import IntArray
-from ...core.errors import ScanError
 from ...core.scans import Scan
 from . import meshes, regions
 from .colours import read_scan_colours, write_scan_colours
@@ -21,24 +20,25 @@ OCCLUDERS = "Occluders"
 
 
 def show_scan(
-    context: bpy.types.Context, scan: Scan, region_faces: Mapping[str, IntArray] | None = None
+    context: bpy.types.Context, scan: Scan, region_faces: Mapping[str, IntArray], lost: Sequence[str] = ()
 ) -> bpy.types.Object:
-    """Make the scene's scan object from core's scan; its face sets (or `region_faces`) become regions."""
-    if scan.is_cloud:
-        raise ScanError(f"{scan.name}: the file holds points only. Mesh it first, or import the mesh.")
+    """Make the scene's scan object from core's scan, a mesh without faces from a cloud.
+
+    `region_faces` are the faces or points of regions, `lost` sentences on regions that it does not have.
+    """
     fresco = context.scene.fresco
-    kept = regions.keep_faces(context.scene)
     obj = bpy.data.objects.new(
         scan.name or "Scan", meshes.build_mesh(scan.name or "Scan", scan.vertices, scan.faces)
     )
     write_scan_colours(obj.data, scan.vertex_colors, scan.intensity)
+    if scan.is_cloud:
+        obj.display_type = "BOUNDS"  # Blender would draw all points in one colour; the overlay draws them
     collection(context.scene, COLLECTION).objects.link(obj)
     write_offset(context.scene, scan.offset)
     fresco.scan = obj
     fresco.scan_path = str(scan.path or "")
     fresco.texture_report = fresco.texture_warnings = ""
-    regions.write_face_sets(context.scene, scan.face_sets if region_faces is None else region_faces)
-    lost = regions.restore_faces(context.scene, kept)
+    regions.write_face_sets(context.scene, region_faces)
     fresco.scan_report = "\n".join([*scan.report, *lost])
     context.view_layer.objects.active = obj
     return obj
@@ -70,7 +70,7 @@ def read_scan(scene: bpy.types.Scene) -> Scan:
     path = Path(scene.fresco.scan_path) if scene.fresco.scan_path else None
     obj = scene.fresco.scan
     colours, intensity = read_scan_colours(obj.data)
-    plain = _as_scan(scene, obj, meshes.read_faces(obj.data), read_face_sets(scene), path)
+    plain = _as_scan(scene, obj, meshes.read_any_faces(obj.data), read_face_sets(scene), path)
     return replace(plain, vertex_colors=colours, intensity=intensity)
 
 
@@ -94,10 +94,10 @@ def _as_scan(
 
 
 def read_face_sets(scene: bpy.types.Scene) -> dict[str, IntArray]:
-    """Return the faces of every region that has some, by the region's name."""
+    """Return the faces (of a cloud the points) of every region that has some, by the region's name."""
     sets = {}
     for region in scene.fresco.regions:
-        inside = meshes.read_face_attribute(scene.fresco.scan.data, region.attribute)
+        inside = meshes.read_element_attribute(scene.fresco.scan.data, region.attribute)
         if inside is not None and inside.any():
             sets[region.name] = np.flatnonzero(inside).astype(np.int32)
     return sets

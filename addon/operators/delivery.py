@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-import numpy as np
 
 from ...core.jobs import Job
 from ...core.project import TexturedScan
 from ...core.project.colour_chart import ChartResult, ColourChartEntry, correction_for, found_chart_job
 from ...core.project.delivery import BakedAtlas, DeliverySettings, bake_job, colour_job
 from ...core.project.models import layer_ending
-from ...core.project.simplified import SimplifiedModel, SimplifySettings, simplified_job
-from ...core.settings import AtlasSettings, TextureSettings
+from ...core.project.simplified import SimplifiedModel, simplified_job
+from ...core.settings import TextureSettings
 from ...core.texture.colour_correction import ColourCorrection
 from ...core.texture.colours import Colours
 from ..bridge import delivery as bridge
@@ -40,12 +39,6 @@ class Baked:
     atlas: BakedAtlas
 
 
-def delivery_settings(scene: bpy.types.Scene) -> DeliverySettings:
-    """Return what the panel asks for."""
-    delivery = scene.fresco.delivery
-    return DeliverySettings(to_core(scene.fresco.atlas, AtlasSettings), delivery.level, delivery.untouched)
-
-
 class FRESCO_OT_bake_atlas(JobOperator):
     bl_idname = "fresco.bake_atlas"
     bl_label = "Bake Atlas"
@@ -65,7 +58,7 @@ class FRESCO_OT_bake_atlas(JobOperator):
         wanted = wanted_outputs(scene)
         name = wanted.name + layer_ending(scene.fresco.layer, "_atlas")
         textured = read_texture(scene)
-        settings, correction = delivery_settings(scene), chart_correction(scene, textured)
+        settings, correction = bridge.delivery_settings(scene), chart_correction(scene, textured)
         return baked_job(wanted.folder / name, name, textured, settings, read_offset(scene), correction)
 
     def finish(self, context: bpy.types.Context, result: Baked) -> None:
@@ -103,14 +96,9 @@ class FRESCO_OT_simplify_model(JobOperator):
         return is_textured(cls, context)
 
     def start(self, context: bpy.types.Context) -> Job[Any]:
-        scene, delivery = context.scene, context.scene.fresco.delivery
+        scene = context.scene
         wanted = wanted_outputs(scene)
         name = wanted.name + layer_ending(scene.fresco.layer, "_simplified")
-        by_faces = delivery.simplify_by == "FACES"
-        tolerance = float(str(np.float32(delivery.simplify_tolerance)))
-        settings = SimplifySettings(
-            delivery.simplify_faces if by_faces else None, None if by_faces else tolerance
-        )
         textured = read_texture(scene)
         photos = scene.fresco.photos
         return simplified_job(
@@ -118,9 +106,9 @@ class FRESCO_OT_simplify_model(JobOperator):
             name,
             (textured.vertices, textured.faces),
             textured,
-            settings,
+            bridge.simplify_settings(scene),
             replace(to_core(scene.fresco.texture, TextureSettings), gain_anchor=None),
-            delivery_settings(scene),
+            bridge.delivery_settings(scene),
             read_offset(scene),
             [(other.vertices, other.faces) for other in read_occluders(scene) if not other.is_cloud],
             chart_correction(scene, textured),
@@ -152,12 +140,11 @@ class FRESCO_OT_find_colour_chart(JobOperator):
         photo, region = fresco.active_photo, fresco.active_region
         mark = photo.mark(region.uid) if region is not None else None
         mask = read_mask_pixels(mark.image) if mark is not None and mark.image is not None else None
-        self._entry = ColourChartEntry(Path(photo.path), fresco.layer)
-        return found_chart_job(self._entry, mask)
+        return found_chart_job(ColourChartEntry(Path(photo.path), fresco.layer), mask)
 
-    def finish(self, context: bpy.types.Context, result: ChartResult) -> None:
-        bridge.write_chart(context.scene, self._entry, result)
-        self.report({"INFO"}, f"{result.photo}: {result.told}")
+    def finish(self, context: bpy.types.Context, result: tuple[ColourChartEntry, ChartResult]) -> None:
+        bridge.write_chart(context.scene, *result)
+        self.report({"INFO"}, f"{result[1].photo}: {result[1].told}")
 
 
 class FRESCO_OT_forget_colour_chart(StepOperator):
@@ -170,18 +157,19 @@ class FRESCO_OT_forget_colour_chart(StepOperator):
     @classmethod
     def ready(cls, context: bpy.types.Context) -> bool:
         cls.poll_message_set("No colour chart was found yet")
-        return bool(context.scene.fresco.delivery.chart_json)
+        return bool(context.scene.fresco.delivery.charts_json)
 
     def run(self, context: bpy.types.Context) -> None:
-        context.scene.fresco.delivery.chart_json = ""
+        context.scene.fresco.delivery.charts_json = ""
 
 
 def chart_correction(scene: bpy.types.Scene, textured: TexturedScan) -> ColourCorrection | None:
     """Return the colour chart's correction for a texture, None without a chart or for untouched colours."""
-    if not scene.fresco.delivery.chart_json or scene.fresco.delivery.untouched:
+    charts = bridge.read_charts(scene)
+    if scene.fresco.layer not in charts or scene.fresco.delivery.untouched:
         return None
-    entry, chart = bridge.read_chart(scene)
-    return correction_for(chart, entry, textured) if entry.layer == scene.fresco.layer else None
+    entry, chart = charts[scene.fresco.layer]
+    return correction_for(chart, entry, textured)
 
 
 class FRESCO_OT_colour_vertices(JobOperator):
@@ -198,7 +186,7 @@ class FRESCO_OT_colour_vertices(JobOperator):
     def start(self, context: bpy.types.Context) -> Job[Any]:
         textured = read_texture(context.scene)
         correction = chart_correction(context.scene, textured)
-        return colour_job(textured, delivery_settings(context.scene), correction)
+        return colour_job(textured, bridge.delivery_settings(context.scene), correction)
 
     def finish(self, context: bpy.types.Context, result: Colours) -> None:
         write_vertex_colours(context.scene.fresco.scan.data, VERTEX_COLOURS, result.rgb)

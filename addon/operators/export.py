@@ -9,16 +9,20 @@ import bpy
 
 from ...core.errors import OutputError
 from ...core.jobs import Job
+from ...core.project.cloud import ColouredCloud
+from ...core.project.colour_chart import correction_for
 from ...core.project.provenance import fresco_version
 from ...core.report import Report
 from ...core.scans import Scan
-from ..bridge.delivery import SIMPLIFIED_KEY, simplified_objects
+from ...core.texture.colour_correction import ColourCorrection
+from ..bridge.clouds import read_clouds
+from ..bridge.delivery import SIMPLIFIED_KEY, read_charts, simplified_objects
 from ..bridge.photos import read_photo, read_solution
-from ..bridge.regions import read_surfaces
+from ..bridge.regions import surface_source
 from ..bridge.scans import read_scan
 from ..bridge.texture import layer_names, read_layers
 from ..jobs import JobOperator
-from ..outputs import Wanted, outputs_job
+from ..outputs import Wanted, cloud_outputs_job, outputs_job
 from .regions import has_scan
 
 
@@ -40,15 +44,15 @@ def wanted_outputs(scene: bpy.types.Scene) -> Wanted:
 def scene_report(scene: bpy.types.Scene, scan: Scan, title: str) -> Report:
     """Return the report's contents from what the scene holds."""
     items = [photo for photo in scene.fresco.photos if photo.use and photo.camera_json]
-    layers = read_layers(scene)
-    first = next(iter(layers))
+    layers = {} if scan.is_cloud else read_layers(scene)
+    first = next(iter(layers), None)
     return Report(
         title=title,
         scan=scan,
-        surfaces=read_surfaces(scene),
+        surfaces=surface_source(scene).regions(),
         photos=[read_photo(scene, item) for item in items],
         poses=[read_solution(scene, item) for item in items],
-        textured=layers.pop(first),
+        textured=None if first is None else layers.pop(first),
         written=datetime.now(UTC).isoformat(timespec="seconds"),
         versions={"fresco": fresco_version(), "blender": bpy.app.version_string},
         layers=layers,
@@ -61,6 +65,16 @@ def made(scene: bpy.types.Scene) -> list[str]:
     sentences = [f"{obj.name}: {obj[SIMPLIFIED_KEY]}." for obj in simplified_objects(scene)]
     chart = scene.fresco.delivery.chart_told
     return [*([f"Colour chart: {chart}."] if chart else []), *sentences]
+
+
+def true_clouds(scene: bpy.types.Scene) -> dict[str, tuple[ColouredCloud, ColourCorrection | None]]:
+    """Return the coloured points of every layer, with the correction of its colour chart."""
+    charts = {} if scene.fresco.delivery.untouched else read_charts(scene)
+    found = {}
+    for layer, cloud in read_clouds(scene).items():
+        entry, chart = charts.get(layer, (None, None))
+        found[layer] = cloud, None if chart is None else correction_for(chart, entry, cloud)
+    return found
 
 
 class FRESCO_OT_export(JobOperator):
@@ -82,7 +96,10 @@ class FRESCO_OT_export(JobOperator):
     def start(self, context: bpy.types.Context) -> Job[list[Path]]:
         wanted = wanted_outputs(context.scene)
         scan = read_scan(context.scene)
-        return outputs_job(context, wanted, scan, scene_report(context.scene, scan, wanted.name))
+        report = scene_report(context.scene, scan, wanted.name)
+        if scan.is_cloud:
+            return cloud_outputs_job(wanted, scan, report, true_clouds(context.scene))
+        return outputs_job(context, wanted, scan, report)
 
     def finish(self, context: bpy.types.Context, result: list[Path]) -> None:
         if not result:

@@ -13,6 +13,7 @@ from ..bridge import maps as bridge
 from ..bridge.photos import read_camera
 from ..bridge.texture import read_texture
 from ..jobs import JobOperator, StepOperator
+from .regions import has_faces
 
 NAMES = {
     "view": ("Photo", "Which photo every face shows"),
@@ -32,8 +33,10 @@ def is_textured(cls: type, context: bpy.types.Context) -> bool:
     if context.mode != "OBJECT":
         cls.poll_message_set("Leave Edit Mode first")
         return False
+    if not has_faces(cls, context):
+        return False
     cls.poll_message_set("Texture the scan first (step 6)")
-    return bool(context.scene.fresco.texture_report) and context.scene.fresco.scan is not None
+    return bool(context.scene.fresco.texture_report)
 
 
 class FRESCO_OT_show_map(StepOperator):

@@ -31,6 +31,7 @@ from ..properties import FrescoPhoto
 from ..tools import targets
 from ..tools.background import beside_job
 from ..tools.prepared import STORE, read_pixels
+from .regions import has_faces
 
 MASK_ACTIONS = (
     ("SNAP", "Snap to Edges", "Move the outline onto the photo's edges", "SNAP_ON", 0),
@@ -130,11 +131,11 @@ class FRESCO_OT_tidy_faces(JobOperator):
     @classmethod
     def ready(cls, context: bpy.types.Context) -> bool:
         fresco = context.scene.fresco
+        if not has_faces(cls, context):
+            return False
         cls.poll_message_set("Choose a region that has faces on the scan, and leave Edit Mode")
         region = fresco.active_region
-        return fresco.scan is not None and fresco.scan.mode == "OBJECT" and region is not None and (
-            region.face_count > 0
-        )  # fmt: skip
+        return fresco.scan.mode == "OBJECT" and region is not None and region.face_count > 0
 
     def start(self, context: bpy.types.Context) -> Job[BoolArray]:
         scan, region = context.scene.fresco.scan, context.scene.fresco.active_region

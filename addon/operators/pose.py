@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import bpy
 import numpy as np
 
 from ...core.errors import RegionError
-from ...core.jobs import Job
+from ...core.jobs import Job, part
+from ...core.photos import Photo
 from ...core.pose import Pose
 from ...core.project import PhotoPose, solve_poses_job
 from ...core.settings import PoseSettings
 from ..bridge import photos as bridge
-from ..bridge.regions import read_surfaces
+from ..bridge.regions import SurfaceSource, surface_source
 from ..jobs import JobOperator, StepOperator
 from ..properties import FrescoPhoto
 from ..settings import to_core
+from ..tools.background import beside_job, one_step_job
 from .regions import has_scan
 
 
@@ -70,8 +73,7 @@ class FRESCO_OT_solve_poses(JobOperator):
                 )
         self._photos = [photo.name for photo in photos]
         core_photos = [bridge.read_photo(scene, photo) for photo in photos]
-        surfaces = read_surfaces(scene)
-        return solve_poses_job(core_photos, surfaces, to_core(scene.fresco.pose, PoseSettings))
+        return posed_job(core_photos, surface_source(scene), to_core(scene.fresco.pose, PoseSettings))
 
     def finish(self, context: bpy.types.Context, result: list[PhotoPose]) -> None:
         photos = context.scene.fresco.photos
@@ -79,6 +81,13 @@ class FRESCO_OT_solve_poses(JobOperator):
             bridge.write_solution(context.scene, photos[solved.photo], solved)
         found = sum(solved.solved for solved in result)
         self.report({"INFO"}, f"{found} of {len(self._photos)} photos solved")
+
+
+def posed_job(photos: Sequence[Photo], source: SurfaceSource, settings: PoseSettings) -> Job[list[PhotoPose]]:
+    """Make the scan's regions, and solve the poses of photos by them."""
+    made = beside_job(one_step_job(source.regions, "Taking the outlines of the scan's regions"))
+    surfaces = yield from part(made, 0.0, 0.05)
+    return (yield from part(solve_poses_job(photos, surfaces, settings), 0.05, 1.0))
 
 
 class FRESCO_OT_next_candidate(StepOperator):

@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import bpy
 
+from ...core.arrays import FloatArray, IntArray
+from ...core.errors import ScanError
 from ...core.jobs import Job, part
+from ...core.pose.points.survey import Survey
 from ...core.project import Project, load_project
-from ...core.project.run import check_inputs_job, read_scans_job
-from ...core.project.save import save_project_job
+from ...core.project.run import charts_job, check_inputs_job, read_scans_job
+from ...core.project.save import Unsaved, save_project_job
 from ...core.project.surfaces import check_partners, region_faces
 from ..bridge.points import read_points
 from ..bridge.projects import OpenedProject, previews_job, read_project, show_project
-from ..bridge.regions import keep_faces
-from ..bridge.scans import occluder_objects
+from ..bridge.regions import KeptScan, keep_scan
+from ..bridge.scans import read_occluders
 from ..bridge.world import read_offset
 from ..jobs import JobOperator
 from ..preferences import preview_size
+from ..tools.background import beside_job, one_step_job
 from .regions import has_scan
+
+Triangles = tuple[FloatArray, IntArray]
 
 
 def open_project_job(project: Project, size: int) -> Job[OpenedProject]:
@@ -28,8 +35,9 @@ def open_project_job(project: Project, size: int) -> Job[OpenedProject]:
     scan, occluders = yield from part(read_scans_job(project), 0.3, 0.6)
     faces = region_faces(project, scan)
     check_partners(project, [*faces, *project.regions.outlines])
-    previews = yield from part(previews_job(project, size), 0.6, 1.0)
-    return OpenedProject(project, scan, faces, previews, occluders)
+    charts = yield from part(charts_job(project), 0.6, 0.7)
+    previews = yield from part(previews_job(project, size), 0.7, 1.0)
+    return OpenedProject(project, scan, faces, previews, occluders, charts)
 
 
 class FRESCO_OT_open_project(JobOperator):
@@ -91,18 +99,28 @@ class FRESCO_OT_save_project(JobOperator):
         scene = context.scene
         self.written = Path(bpy.path.abspath(self.filepath)).with_suffix(".toml")
         project = read_project(scene, self.written)
-        survey = read_points(scene)
-        survey = replace(survey, points=survey.points + read_offset(scene))
-        return save_project_job(project, keep_faces(scene), survey)
+        survey, offset = read_points(scene), read_offset(scene)
+        survey = replace(survey, points=survey.points + offset)
+        hiding = {other.name: (other.vertices + offset, other.faces) for other in read_occluders(scene)}
+        return saved_job(project, keep_scan(scene), survey, hiding)
 
     def finish(self, context: bpy.types.Context, result: None) -> None:
-        left_out = [obj.name for obj in occluder_objects(context.scene)]
-        if left_out:
-            names = ", ".join(left_out)
-            self.warn(
-                context, f"Occluders are not in the project file; export them and name them there: {names}"
-            )
         self.report({"INFO"}, f"{self.written} written")
+
+
+def saved_job(
+    project: Project, kept: KeptScan | None, survey: Survey, occluders: Mapping[str, Triangles]
+) -> Job[None]:
+    """Write a project with what is only in the .blend."""
+    if kept is None:
+        raise ScanError(
+            f"{project.scan.path.name} has faces with more than three corners: triangulate the scan first "
+            "(Edit Mode, Face > Triangulate Faces)."
+        )
+    finding = one_step_job(kept.face_regions, "Writing down where the regions lie")
+    regions = yield from part(beside_job(finding), 0.0, 0.3)
+    unsaved = Unsaved(regions, kept.point_labels(), survey, occluders)
+    yield from part(save_project_job(project, unsaved), 0.3, 1.0)
 
 
 class FRESCO_FH_project(bpy.types.FileHandler):

@@ -21,7 +21,7 @@ from ..tools import targets
 from ..tools.background import beside_job
 from ..tools.prepared import PreparedScan, photo_job, scan_job
 from ..tools.watch import redraw_views
-from .regions import has_scan
+from .regions import has_faces
 
 _TAKEN = 0.5  # share of a proposal that may lie in regions that are marked already
 
@@ -43,7 +43,7 @@ class FRESCO_OT_propose_surface(JobOperator):
 
     @classmethod
     def ready(cls, context: bpy.types.Context) -> bool:
-        if not has_scan(cls, context):
+        if not has_faces(cls, context):
             return False
         cls.poll_message_set("Leave Edit Mode first")
         return context.scene.fresco.scan.mode == "OBJECT"

@@ -26,7 +26,7 @@ from ..preferences import preview_size
 from ..properties import FrescoPhoto
 from ..settings import to_core
 from .photos import OpenedPhoto
-from .regions import has_scan
+from .regions import has_faces, has_scan
 
 ADJUSTED = "Adjusted by what the photos show in common."
 
@@ -44,7 +44,7 @@ class RefineOperator(JobOperator):
 
     @classmethod
     def ready(cls, context: bpy.types.Context) -> bool:
-        if not has_scan(cls, context):
+        if not has_faces(cls, context):
             return False
         if context.mode != "OBJECT":
             cls.poll_message_set("Leave Edit Mode first")

@@ -36,10 +36,11 @@ def object_mode(scan: bpy.types.Object) -> Iterator[None]:
 
 
 def selected_faces(scan: bpy.types.Object) -> BoolArray:
-    """Selected faces (F,) of the scan, in Object Mode; `RegionError` if there are none."""
+    """Selected faces (or points of a cloud) of the scan, in Object Mode; `RegionError` if there are none."""
     selected = meshes.read_selected_faces(scan.data)
     if not selected.any():
-        raise RegionError("No faces of the scan are selected: select some in Edit Mode (face select).")
+        name = meshes.element_name(scan.data)
+        raise RegionError(f"No {name} of the scan are selected: select some in Edit Mode.")
     return selected
 
 
@@ -50,10 +51,18 @@ def has_scan(cls: type, context: bpy.types.Context) -> bool:
     return scan is not None and scan.name in context.scene.objects
 
 
+def has_faces(cls: type, context: bpy.types.Context) -> bool:
+    """Poll: there is a scan with faces, not points only."""
+    if not has_scan(cls, context):
+        return False
+    cls.poll_message_set("This needs faces, but the scan is a point cloud: mesh it in your scanning program")
+    return not meshes.is_cloud(context.scene.fresco.scan.data)
+
+
 class FRESCO_OT_region_from_selection(StepOperator):
     bl_idname = "fresco.region_from_selection"
     bl_label = "Region from Selected Faces"
-    bl_description = "Make a region of the faces that are selected on the scan in Edit Mode"
+    bl_description = "Make a region of the faces, or points of a cloud, that are selected in Edit Mode"
     bl_options = {"REGISTER", "UNDO"}
     step = "regions"
 
@@ -115,7 +124,8 @@ class FRESCO_OT_region_from_group(StepOperator):
             else:
                 name = scan.material_slots[number].name or f"Material {number + 1}"
                 slots = meshes.read_face_attribute(scan.data, "material_index")
-                inside = np.full(len(scan.data.polygons), number == 0) if slots is None else slots == number
+                inside = np.full(meshes.element_count(scan.data), number == 0)
+                inside = inside if slots is None else slots == number
             if not inside.any():
                 raise RegionError(f"No face of the scan belongs to {name}.")
             bridge.write_faces(context.scene, bridge.add_region(context.scene, name), inside)

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import bpy
 from mathutils import Vector
 
-from ...core.jobs import Job
-from ...core.scans import READERS, read_scan_job
+from ...core.arrays import IntArray
+from ...core.jobs import Job, part
+from ...core.scans import READERS, Scan, read_scan_job
 from ...core.settings import ScanSettings
+from ..bridge.regions import KeptScan, keep_scan
 from ..bridge.scans import OCCLUDERS, show_scan
 from ..bridge.world import collection
 from ..jobs import JobOperator, StepOperator
 from ..settings import draw_settings, to_core
+from ..tools.background import beside_job, one_step_job
 
 ENDINGS = tuple(sorted(READERS))
 
@@ -39,11 +44,32 @@ class FRESCO_OT_import_scan(JobOperator):
 
     def start(self, context: bpy.types.Context) -> Job[Any]:
         settings = to_core(context.scene.fresco.scan_settings, ScanSettings)
-        return read_scan_job(Path(bpy.path.abspath(self.filepath)), settings)
+        path = Path(bpy.path.abspath(self.filepath))
+        return imported_job(read_scan_job(path, settings), keep_scan(context.scene))
 
-    def finish(self, context: bpy.types.Context, result: Any) -> None:
-        scan = show_scan(context, result)
+    def finish(self, context: bpy.types.Context, result: ImportedScan) -> None:
+        scan = show_scan(context, result.scan, result.regions, result.lost)
         show_only(context, scan)
+
+
+@dataclass(frozen=True, eq=False)
+class ImportedScan:
+    """A scan, the faces or points of regions on it, and sentences on those that it does not have."""
+
+    scan: Scan
+    regions: Mapping[str, IntArray]
+    lost: Sequence[str] = ()
+
+
+def imported_job(reading: Job[Scan], kept: KeptScan | None) -> Job[ImportedScan]:
+    """Read a scan, and find the regions of the one before on it."""
+    if kept is None:
+        scan = yield from reading
+        return ImportedScan(scan, scan.face_sets)
+    scan = yield from part(reading, 0.0, 0.8)
+    job = one_step_job(lambda: kept.found_in(scan), "Finding the regions again")
+    found, lost = yield from part(beside_job(job), 0.8, 1.0)
+    return ImportedScan(scan, {**found, **scan.face_sets}, lost)
 
 
 def show_only(context: bpy.types.Context, scan: bpy.types.Object) -> None:

@@ -7,20 +7,27 @@ from typing import Any
 import bpy
 
 from ...core.jobs import Job
-from ...core.project.textures import TexturedScan, texture_layers_job
+from ...core.project.cloud import colour_cloud_job
+from ...core.project.textures import texture_layers_job
 from ...core.settings import TextureSettings
+from ..bridge.clouds import show_cloud, show_clouds
+from ..bridge.meshes import is_cloud
 from ..bridge.photos import read_view
 from ..bridge.scans import read_occluders, read_scan
 from ..bridge.texture import layer_names, show_layer, show_layers
 from ..jobs import JobOperator, StepOperator
 from ..settings import to_core
-from .regions import has_scan
+from ..tools.background import beside_job
+from .regions import has_faces, has_scan
 
 
 class FRESCO_OT_texture_scan(JobOperator):
     bl_idname = "fresco.texture_scan"
     bl_label = "Texture Scan"
-    bl_description = "Choose the best photo for every face and lay it on, straight from the original pixels"
+    bl_description = (
+        "Choose the best photo for every face and lay it on, straight from the original pixels; of a cloud, "
+        "colour the points"
+    )
     bl_options = {"UNDO"}
     step = "texture"
 
@@ -41,10 +48,15 @@ class FRESCO_OT_texture_scan(JobOperator):
         views = [read_view(scene, photo) for photo in photos]
         layers, priorities = [p.layer.strip() for p in photos], [p.priority for p in photos]
         settings = to_core(scene.fresco.texture, TextureSettings)
+        if scan.is_cloud:
+            return beside_job(colour_cloud_job(scan, views, layers, settings))
         occluders = read_occluders(scene)
         return texture_layers_job(scan, views, layers, settings, occluders, priorities=priorities)
 
-    def finish(self, context: bpy.types.Context, result: dict[str, TexturedScan]) -> None:
+    def finish(self, context: bpy.types.Context, result: Any) -> None:
+        if is_cloud(context.scene.fresco.scan.data):
+            show_clouds(context.scene, result)
+            return
         show_layers(context.scene, result)
         show_photos(context)
 
@@ -88,6 +100,8 @@ class FRESCO_OT_show_texture(StepOperator):
 
     @classmethod
     def ready(cls, context: bpy.types.Context) -> bool:
+        if not has_faces(cls, context):
+            return False
         cls.poll_message_set("Texture the scan first (step 6)")
         return bool(context.scene.fresco.texture_report)
 
@@ -110,7 +124,11 @@ class FRESCO_OT_next_layer(StepOperator):
     def run(self, context: bpy.types.Context) -> None:
         names = layer_names(context.scene.fresco.scan)
         place = names.index(context.scene.fresco.layer) if context.scene.fresco.layer in names else -1
-        show_layer(context.scene, names[(place + 1) % len(names)])
+        chosen = names[(place + 1) % len(names)]
+        if is_cloud(context.scene.fresco.scan.data):
+            show_cloud(context.scene, chosen)
+            return
+        show_layer(context.scene, chosen)
         show_photos(context)
 
 

@@ -6,7 +6,7 @@ import bpy
 
 from ..tools.prepared import STORE
 from ..tools.watch import WATCH, redraw_views
-from . import maps, photo, points, residuals, scan
+from . import cloud, maps, photo, points, residuals, scan
 
 CLASSES = ()
 _handles: list[tuple[type, object]] = []  # Blender's handles of draw callbacks
@@ -18,6 +18,7 @@ def forget() -> None:
     WATCH.clear()
     photo.OUTLINES.clear()
     scan.SHAPES.clear()
+    cloud.CLOUDS.clear()
     residuals.RESIDUALS.clear()
 
 
@@ -34,11 +35,12 @@ def _scene_changed(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> No
         update.is_updated_geometry and update.id.original == edited for update in depsgraph.updates
     ):
         scan.SHAPES.clear()
+        cloud.CLOUDS.changes += 1
 
 
 def show_news() -> float:
     """Draw again when a thread has finished something that is to be drawn."""
-    if photo.OUTLINES.news or scan.SHAPES.news:
+    if photo.OUTLINES.news or scan.SHAPES.news or cloud.CLOUDS.news:
         redraw_views(bpy.context.window_manager)
     return _NEWS_PERIOD
 
@@ -57,6 +59,7 @@ def attach() -> None:
     image_editor, view = bpy.types.SpaceImageEditor, bpy.types.SpaceView3D
     for space, callback, stage in (
         (image_editor, photo.draw, "POST_PIXEL"),
+        (view, cloud.draw, "POST_VIEW"),
         (view, scan.draw, "POST_VIEW"),
         (view, scan.draw_names, "POST_PIXEL"),
         (image_editor, residuals.draw_on_photo, "POST_PIXEL"),

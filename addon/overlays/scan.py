@@ -14,14 +14,16 @@ from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix, Vector
 
 from ...core.arrays import Float32Array, FloatArray, IndexArray
+from ...core.errors import RegionError
 from ...core.geometry.boundary import boundary_loops
 from ..bridge import meshes
-from ..bridge.regions import opening_in_world
+from ..bridge.regions import opening_in_world, patch
 from ..bridge.world import matrix_to_array
 from .kept import Kept
 from .lines import WIDTH, Labels
 
 _ALPHA, _PROPOSED_ALPHA = 0.4, 0.2
+_POINT = 4.0  # pixels
 _NEARER = 4e-6  # of the depth buffer's range (some 30 steps of it) by which overlays lie before the scan
 PROPOSED = (1.0, 1.0, 1.0)
 _LARGE = 100_000  # faces of a scan from which shapes are made beside the window
@@ -67,7 +69,8 @@ class Shapes(Kept["Shape | None"]):
         place = matrix_to_array(scan.matrix_world).tobytes()
         revision = getattr(item, "revision", 0)
         key = (mesh.session_uid, len(mesh.vertices), len(mesh.polygons), place, revision, item.opening_json)
-        large = len(mesh.polygons) > _LARGE and not item.opening_json
+        large = meshes.is_cloud(mesh) or len(mesh.polygons) > _LARGE
+        large = large and not item.opening_json
         return self.of(item.attribute, key, large, lambda: _gathered(scan, item))
 
     def loops(self, scene: bpy.types.Scene, item: Marked) -> tuple[FloatArray, ...]:
@@ -89,14 +92,17 @@ def _gathered(scan: bpy.types.Object, item: Marked) -> Callable[[], Shape | None
         world, triangles = opening_in_world(scan, item.opening_json)
         corners = meshes.to_object_frame(scan, world)
         return lambda: Shape(corners, triangles, matrix)
-    inside = meshes.read_face_attribute(scan.data, item.attribute)
+    inside = meshes.read_element_attribute(scan.data, item.attribute)
     if inside is None or not inside.any():
         return lambda: None
-    faces, positions = meshes.read_faces(scan.data), meshes.read_positions(scan.data)
+    faces, positions = meshes.read_any_faces(scan.data), meshes.read_positions(scan.data)
 
-    def make() -> Shape:
-        used, corners = np.unique(faces[inside].ravel(), return_inverse=True)
-        return Shape(positions[used].astype(np.float64), corners.reshape(-1, 3), matrix)
+    def make() -> Shape | None:
+        try:
+            surface = patch(positions.astype(np.float64), faces, inside, "")
+        except RegionError:  # points without an outline: the advice tells
+            return None
+        return Shape(surface.vertices, surface.faces, matrix)
 
     return make
 
@@ -106,8 +112,8 @@ def _edges(loop: FloatArray) -> FloatArray:
     return np.stack([loop, np.roll(loop, -1, axis=0)], axis=1).reshape(-1, 3)
 
 
-def draw_faces(corners: Float32Array, color: Sequence[float], matrix: object) -> None:
-    """Tint triangles, corners (3n,3) in Blender's world, in a callback that draws pixels.
+def draw_elements(primitive: str, corners: Float32Array, color: Sequence[float], matrix: object) -> None:
+    """Tint triangles "TRIS", corners (3n,3), or "POINTS" (n,3), in Blender's world, where pixels are drawn.
 
     `matrix` is the view's.
     """
@@ -118,7 +124,8 @@ def draw_faces(corners: Float32Array, color: Sequence[float], matrix: object) ->
         gpu.matrix.load_projection_matrix(matrix)
         shader.bind()
         shader.uniform_float("color", (*color[:3], _ALPHA))
-        batch_for_shader(shader, "TRIS", {"pos": corners}).draw(shader)
+        gpu.state.point_size_set(_POINT)
+        batch_for_shader(shader, primitive, {"pos": corners}).draw(shader)
     gpu.state.blend_set("NONE")
 
 

@@ -6,6 +6,7 @@ import json
 
 import bpy
 
+from ..bridge.meshes import element_name
 from ..operators.mending import shown_mark_photo
 from ..operators.proposals import worked_photo
 from ..properties import FrescoRegion, FrescoScene
@@ -169,7 +170,7 @@ def draw_region(layout: bpy.types.UILayout, context: bpy.types.Context, fresco: 
         draw_text(layout, context, "An opening of the scan", icon="MOD_BOOLEAN")
     else:
         row = layout.row(align=True)
-        row.label(text=f"{region.face_count:,} faces", icon="MESH_DATA")
+        row.label(text=f"{region.face_count:,} {element_name(fresco.scan.data)}", icon="MESH_DATA")
         row.operator_menu_enum("fresco.tidy_faces", "action", text="Mend Faces")
     marked = [photo.name for photo in fresco.photos if photo.mark(region.uid) is not None]
     if marked:

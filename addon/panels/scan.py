@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..bridge.meshes import is_cloud
 from ..bridge.scans import occluder_objects
 from ..bridge.world import read_offset
 from .base import StepPanel, draw_rows, draw_text
@@ -45,11 +46,12 @@ class FRESCO_PT_scan(StepPanel, bpy.types.Panel):
 def draw_numbers(layout: bpy.types.UILayout, context: bpy.types.Context, scan: bpy.types.Object) -> None:
     """Show how large the scan is and where it stands."""
     size = " × ".join(f"{length:.2f}" for length in scan.dimensions)
-    rows = [
-        ("Faces", f"{len(scan.data.polygons):,}"),
-        ("Vertices", f"{len(scan.data.vertices):,}"),
-        ("Size", f"{size} m"),
-    ]
+    vertices = f"{len(scan.data.vertices):,}"
+    if is_cloud(scan.data):
+        rows = [("Points", vertices)]
+    else:
+        rows = [("Faces", f"{len(scan.data.polygons):,}"), ("Vertices", vertices)]
+    rows.append(("Size", f"{size} m"))
     offset = read_offset(context.scene)
     if offset.any():
         rows.append(("Offset", ", ".join(f"{value:,.0f}" for value in offset) + " m"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..bridge.meshes import is_cloud
 from .base import SettingsPanel, StepPanel, draw_rows, draw_text
 
 
@@ -23,9 +24,13 @@ class FRESCO_PT_texture(StepPanel, bpy.types.Panel):
 
     def draw_step(self, context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         row = layout.row(align=True)
-        row.operator("fresco.texture_scan", icon="TEXTURE")
-        row.operator("fresco.show_texture", text="", icon="SHADING_TEXTURE").equalised = False
-        row.operator("fresco.show_texture", text="", icon="SHADING_RENDERED").equalised = True
+        scan = context.scene.fresco.scan
+        if scan is not None and is_cloud(scan.data):
+            row.operator("fresco.texture_scan", icon="TEXTURE", text="Colour Points")
+        else:
+            row.operator("fresco.texture_scan", icon="TEXTURE")
+            row.operator("fresco.show_texture", text="", icon="SHADING_TEXTURE").equalised = False
+            row.operator("fresco.show_texture", text="", icon="SHADING_RENDERED").equalised = True
         rows = [line.split("\t") for line in context.scene.fresco.texture_report.splitlines()]
         draw_rows(layout, [(name, value) for name, value in rows])
         for sentence in context.scene.fresco.texture_warnings.splitlines():

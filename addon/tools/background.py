@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from threading import Event
 from typing import Generic, TypeVar
@@ -71,6 +72,12 @@ class Preparation(Generic[Result]):
             yield self.progress
             wait([self._future], _STEP)
         return self._future.result()
+
+
+def one_step_job(work: Callable[[], Result], message: str = "Finishing the outline") -> Job[Result]:
+    """Job of a function that cannot be cut."""
+    yield Progress(0.5, message)
+    return work()
 
 
 def beside_job(job: Job[Result]) -> Job[Result]:

@@ -8,9 +8,9 @@ from typing import Any
 
 import bpy
 
-from ...core.jobs import Job, Progress
+from ...core.jobs import Job
 from ..jobs import SLICE, StepOperator
-from .background import beside_job
+from .background import beside_job, one_step_job
 from .prepared import STORE, LastClick
 
 NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "WHEELINMOUSE", "WHEELOUTMOUSE"}
@@ -18,12 +18,6 @@ CONFIRM = {"RET", "NUMPAD_ENTER"}
 LARGER = {"NUMPAD_PLUS", "PLUS", "EQUAL"}
 SMALLER = {"NUMPAD_MINUS", "MINUS"}
 KEYS = "Enter: accept   Esc, right click: cancel"
-
-
-def one_step_job(work: Callable[[], Any]) -> Job[Any]:
-    """Job of a function that cannot be cut."""
-    yield Progress(0.5, "Finishing the outline")
-    return work()
 
 
 def key_steps(event: bpy.types.Event) -> int:

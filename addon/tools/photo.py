@@ -19,8 +19,8 @@ from ..bridge.regions import region_of
 from ..overlays.lines import circle, draw_loops
 from ..properties import FrescoPhoto
 from . import targets
-from .background import beside_job
-from .modal import BrushStroke, MarkingOperator, WandStroke, one_step_job
+from .background import beside_job, one_step_job
+from .modal import BrushStroke, MarkingOperator, WandStroke
 from .prepared import STORE, photo_job
 
 PREVIEW = (1.0, 0.85, 0.2)

@@ -11,10 +11,11 @@ import bpy
 import cv2
 import numpy as np
 
-from ...core.arrays import ArrayLike, BoolArray, ByteArray, FloatArray, IntArray
+from ...core.arrays import ArrayLike, BoolArray, ByteArray, Float32Array, FloatArray, IndexArray, IntArray
 from ...core.errors import PhotoError
 from ...core.geometry.rays import RayCaster
 from ...core.jobs import Job, Progress, part
+from ...core.regions.cloud_index import index_cloud_job
 from ...core.regions.surface_index import SurfaceIndex, index_surface_job
 from ...core.regions.wand import PhotoWand, prepare_wand_job
 from ..bridge import meshes
@@ -22,6 +23,8 @@ from ..bridge.colours import read_scan_colours
 from ..bridge.world import matrix_to_array
 from ..properties import FrescoPhoto
 from .background import Preparation, Signature
+from .cloud import PreparedCloud
+from .views import ViewGeometry
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +35,37 @@ class PreparedScan:
     caster: RayCaster
     vertices: FloatArray
     faces: IntArray
+
+    primitive = "TRIS"
+
+    @property
+    def count(self) -> int:
+        """Number of faces."""
+        return len(self.faces)
+
+    def corners(self, elements: IndexArray) -> Float32Array:
+        """Corners (3n,3), m, of faces (n,), to be drawn."""
+        return self.vertices[self.faces[elements]].reshape(-1, 3).astype(np.float32)
+
+    def first_hit(self, origins: FloatArray, towards: FloatArray) -> tuple[IndexArray, FloatArray]:
+        """Face that each ray (n,3) m, (n,3) meets first, -1 for none, and its distance (n,), m."""
+        hit = self.caster.first_hit(origins, towards)
+        return hit.face.astype(np.int64), hit.distance.astype(np.float64)
+
+    def facing(self, view: ViewGeometry, inside: BoolArray) -> BoolArray:
+        """Which of the faces `inside` (F,) look towards a view."""
+        return inside & view.faces_it(self._middles, self.index.normal)
+
+    def visible(self, view: ViewGeometry, elements: IndexArray) -> BoolArray:
+        """Which of the faces (n,) a view sees: nothing stands before them, and they look towards it."""
+        middle = self._middles[elements]
+        seen = view.faces_it(middle, self.index.normal[elements])
+        seen[seen] = ~self.caster.occluded(view.origins(middle[seen]), middle[seen])
+        return seen
+
+    @property
+    def _middles(self) -> FloatArray:
+        return self.index.middle.astype(np.float64) + self.index.centre
 
 
 @dataclass(eq=False)
@@ -51,7 +85,7 @@ class Store:
 
     def __init__(self) -> None:
         self.photo: Preparation[PhotoWand] | None = None
-        self.scan: Preparation[PreparedScan] | None = None
+        self.scan: Preparation[PreparedScan | PreparedCloud] | None = None
         self.click: LastClick | None = None
 
     def clear(self) -> None:
@@ -113,24 +147,28 @@ def scan_signature(scan: bpy.types.Object) -> Signature:
     return (mesh.name, len(mesh.vertices), len(mesh.polygons), matrix, sample)
 
 
-def _scan_job(vertices: FloatArray, faces: IntArray, colours: ByteArray | None) -> Job[PreparedScan]:
+def _scan_job(
+    vertices: FloatArray, faces: IntArray, colours: ByteArray | None
+) -> Job[PreparedScan | PreparedCloud]:
+    if len(faces) == 0:
+        return PreparedCloud((yield from index_cloud_job(vertices, colours)), vertices)
     index = yield from part(index_surface_job(vertices, faces, colours), 0.0, 0.8)
     yield Progress(0.8, "Preparing clicks")
     return PreparedScan(index, RayCaster(vertices, faces), vertices, faces)
 
 
-def prepare_scan(scan: bpy.types.Object) -> Preparation[PreparedScan]:
+def prepare_scan(scan: bpy.types.Object) -> Preparation[PreparedScan | PreparedCloud]:
     """Begin to make a scan ready, unless it is or begins to be."""
     signature = scan_signature(scan)
     if not _usable(STORE.scan, signature):
         if STORE.scan is not None:
             STORE.scan.stop()
-        data = meshes.read_vertices(scan), meshes.read_faces(scan.data), read_scan_colours(scan.data)[0]
+        data = meshes.read_vertices(scan), meshes.read_any_faces(scan.data), read_scan_colours(scan.data)[0]
         STORE.scan = Preparation(signature, _scan_job(*data))
     return STORE.scan
 
 
-def scan_job(scan: bpy.types.Object) -> Job[PreparedScan]:
+def scan_job(scan: bpy.types.Object) -> Job[PreparedScan | PreparedCloud]:
     """Wait until a scan is ready; done at once when it is."""
     return prepare_scan(scan).wait_job()
 

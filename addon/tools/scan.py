@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -17,15 +16,16 @@ from ...core.jobs import Job
 from ...core.regions.outline import combined, polygon_mask
 from ...core.regions.surface_wand import SurfaceClick, SurfaceLevel, grow_surface, region_faces
 from ..bridge import regions as bridge
+from ..bridge.meshes import element_count
 from ..bridge.regions import region_of
-from ..bridge.world import matrix_to_array
 from ..overlays.lines import circle, draw_loops
-from ..overlays.scan import draw_faces
+from ..overlays.scan import draw_elements
 from . import targets
-from .background import Preparation, beside_job
-from .modal import BrushStroke, MarkingOperator, WandStroke, one_step_job
+from .background import Preparation, beside_job, one_step_job
+from .modal import BrushStroke, MarkingOperator, WandStroke
 from .photo import PREVIEW
 from .prepared import PreparedScan, face_mask, scan_job
+from .views import ViewGeometry, dense_path
 
 
 class ScanStroke(MarkingOperator):
@@ -99,10 +99,10 @@ class FRESCO_OT_scan_wand(ScanStroke, WandStroke, bpy.types.Operator):
         return released and self._choosing is None
 
     def draw_stroke(self) -> None:
-        draw_faces(self.shown.corners, PREVIEW, self.view.perspective_matrix)
+        draw_elements(self.scan.primitive, self.shown.corners, PREVIEW, self.view.perspective_matrix)
 
     def work(self, context: bpy.types.Context) -> Callable[[], BoolArray]:
-        faces, count = self.shown.faces, len(self.scan.faces)
+        faces, count = self.shown.faces, self.scan.count
         return lambda: face_mask(faces, count)
 
     def apply(self, context: bpy.types.Context, result: BoolArray) -> None:
@@ -115,7 +115,7 @@ class FRESCO_OT_scan_wand(ScanStroke, WandStroke, bpy.types.Operator):
 
 @dataclass(frozen=True, eq=False)
 class GrownSurface:
-    """A level of a click on the scan: its faces (n,) and their corners (3n,3) m, ready to be drawn."""
+    """A level of a click on the scan: its faces or points (n,), and their corners (k,3) m to be drawn."""
 
     found: SurfaceClick
     level: SurfaceLevel
@@ -124,19 +124,18 @@ class GrownSurface:
 
 
 def clicked_surface(scan: PreparedScan, ray: tuple[FloatArray, FloatArray]) -> GrownSurface:
-    """Best region around the face that a ray (1,3) m, (1,3) meets first."""
-    hit = scan.caster.first_hit(*ray)
-    if hit.face[0] < 0:
-        raise RegionError("The click is not on the scan.")
-    found = grow_surface(scan.index, int(hit.face[0]))
+    """Best region around the face or point that a ray (1,3) m, (1,3) meets first."""
+    hit = scan.first_hit(*ray)[0]
+    if hit[0] < 0:
+        raise RegionError("The click is not on the scan: click a place where it shows a surface.")
+    found = grow_surface(scan.index, int(hit[0]))
     return grown_surface(scan, found, found.level())
 
 
 def grown_surface(scan: PreparedScan, found: SurfaceClick, level: SurfaceLevel) -> GrownSurface:
-    """Faces of a level of a click."""
+    """Faces or points of a level of a click."""
     faces = region_faces(scan.index, found.face, level)
-    corners = scan.vertices[scan.faces[faces]].reshape(-1, 3).astype(np.float32)
-    return GrownSurface(found, level, faces, corners)
+    return GrownSurface(found, level, faces, scan.corners(faces))
 
 
 class ScanClick:
@@ -151,10 +150,10 @@ class ScanClick:
         """Mark the level `steps` more tolerant than the best; false where there is none."""
         region, scan = region_of(context.scene, self.uid), context.scene.fresco.scan
         there = 0 <= self.found.best + steps < len(self.found.levels)
-        if region is None or scan is None or not there or len(scan.data.polygons) != len(self.scan.faces):
+        if region is None or scan is None or not there or element_count(scan.data) != self.scan.count:
             return False
         faces = region_faces(self.scan.index, self.found.face, self.found.level(steps))
-        stroke = face_mask(faces, len(self.scan.faces))
+        stroke = face_mask(faces, self.scan.count)
         bridge.write_faces(context.scene, region, combined(self.earlier, stroke, self.mode))
         return True
 
@@ -196,56 +195,18 @@ class FRESCO_OT_scan_lasso(ScanStroke, bpy.types.Operator):
         return lambda: enclosed_faces(scan, view, mask)
 
 
-class ViewGeometry:
-    """A 3D view as arrays, so that threads can use it."""
-
-    def __init__(self, view: bpy.types.RegionView3D) -> None:
-        self.projection = matrix_to_array(view.perspective_matrix)
-        self.camera = np.linalg.inv(matrix_to_array(view.view_matrix))
-        self.is_perspective = view.is_perspective
-        self.distance = float(view.view_distance)
-
-    def on_screen(self, points: FloatArray, width: int, height: int) -> tuple[FloatArray, BoolArray]:
-        """Places (N,2) in a region of points (N,3), metres, and whether (N,) they lie before the view."""
-        clip = points @ self.projection[:, :3].T + self.projection[:, 3]
-        before = clip[:, 3] > 1e-9
-        flat = clip[:, :2] / np.where(before, clip[:, 3], 1.0)[:, None]
-        return (flat + 1) / 2 * np.array([width, height]), before
-
-    def origins(self, points: FloatArray) -> FloatArray:
-        """Where the rays to points (N,3) come from: the eye (3,), or far before each point (N,3)."""
-        if self.is_perspective:
-            return self.camera[:3, 3]
-        far = 2.0 * float(np.ptp(points, axis=0).max(initial=1.0)) + self.distance
-        return points + self.camera[:3, 2] * far
-
-    def faces_it(self, points: FloatArray, normals: FloatArray) -> BoolArray:
-        """Which faces (N,) look towards the view: their middles (N,3), metres, and unit normals (N,3)."""
-        return np.sum((self.origins(points) - points) * normals, axis=1) > 0
-
-
-def dense_path(path: Sequence[tuple[float, float]], step: float) -> list[tuple[float, float]]:
-    """Places along a stroke at most `step` screen pixels apart: a fast mouse leaves gaps."""
-    dense = [path[0]]
-    for start, end in itertools.pairwise(path):
-        count = max(1, int(np.ceil(np.hypot(end[0] - start[0], end[1] - start[1]) / step)))
-        share = np.arange(1, count + 1) / count
-        dense += [(start[0] + s * (end[0] - start[0]), start[1] + s * (end[1] - start[1])) for s in share]
-    return dense
-
-
 def brushed_faces(
     scan: PreparedScan,
     view: ViewGeometry,
     rays: tuple[FloatArray, FloatArray],
     beside: tuple[FloatArray, FloatArray],
 ) -> BoolArray:
-    """Faces (F,) under a brush: rays (n,3), (n,3) through the stroke, and those one radius beside."""
-    hit = scan.caster.first_hit(*rays)
-    struck = np.flatnonzero(hit.face >= 0)
+    """Faces or points (F,) under a brush: rays (n,3), (n,3) through the stroke, and one radius beside."""
+    element, distance = scan.first_hit(*rays)
+    struck = np.flatnonzero(element >= 0)
     if len(struck) == 0:
-        raise RegionError("The stroke is not on the scan.")
-    points = rays[0][struck] + hit.distance[struck, None].astype(np.float64) * rays[1][struck]
+        raise RegionError("The stroke is not on the scan: paint where it shows a surface.")
+    points = rays[0][struck] + distance[struck, None] * rays[1][struck]
     origins, towards = beside[0][struck], beside[1][struck]
     along = np.sum((points - origins) * towards, axis=1)
     radius = np.linalg.norm(origins + along[:, None] * towards - points, axis=1)
@@ -253,23 +214,23 @@ def brushed_faces(
     inside = np.zeros(len(middle), dtype=np.bool_)
     for point, size in zip(points, radius, strict=True):
         inside |= np.sum((middle - point) ** 2, axis=1) < size * size
-    inside[hit.face[struck]] = True  # however small the brush
-    return inside & view.faces_it(middle, scan.index.normal)
+    inside = scan.facing(view, inside)
+    inside[element[struck]] = True  # however small the brush
+    return inside
 
 
 def enclosed_faces(scan: PreparedScan, view: ViewGeometry, mask: BoolArray) -> BoolArray:
-    """Faces (F,) whose middles are seen inside a mask (H,W) of the region, whose first row is the lowest."""
+    """Faces or points (F,) that are seen inside a mask (H,W) of the region, whose first row is the lowest."""
     height, width = mask.shape
     middle = scan.index.middle.astype(np.float64) + scan.index.centre
     places, before = view.on_screen(middle, width, height)
     before &= np.all((places >= 0) & (places < [width, height]), axis=1)
-    before &= view.faces_it(middle, scan.index.normal)
     cells = places[before].astype(np.int64)
-    faces = np.flatnonzero(before)[mask[cells[:, 1], cells[:, 0]]]
-    seen = ~scan.caster.occluded(view.origins(middle[faces]), middle[faces])
-    if not seen.any():
-        raise RegionError("The outline holds no face of the scan.")
-    return face_mask(faces[seen], len(middle))
+    chosen = np.flatnonzero(before)[mask[cells[:, 1], cells[:, 0]]]
+    seen = chosen[scan.visible(view, chosen)]
+    if len(seen) == 0:
+        raise RegionError("The outline holds nothing of the scan: draw it where the scan shows a surface.")
+    return face_mask(seen, len(middle))
 
 
 CLASSES = (FRESCO_OT_scan_wand, FRESCO_OT_scan_brush, FRESCO_OT_scan_lasso)

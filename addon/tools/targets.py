@@ -87,10 +87,10 @@ def mark_scan(context: bpy.types.Context, stroke: BoolArray, mode: str) -> Fresc
     region = stroke_target(context, mode, chosen is not None and chosen.is_on_scan)
     earlier = None if region is None else bridge.read_faces(context.scene, region)
     if mode == "subtract" and (earlier is None or not earlier.any()):
-        raise RegionError("The chosen region has no faces on the scan: nothing can be taken away.")
+        raise RegionError("The chosen region is not on the scan: nothing can be taken away.")
     after = combined(earlier, stroke, mode)
     if not after.any():
-        raise RegionError("No face of the region would be left: remove the region from the list instead.")
+        raise RegionError("Nothing of the region would be left: remove the region from the list instead.")
     region = region or bridge.add_region(context.scene, "Region")
     bridge.write_faces(context.scene, region, after)
     return region

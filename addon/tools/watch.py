@@ -7,6 +7,7 @@ import json
 import bpy
 
 from ...core.errors import FrescoError
+from ..bridge.meshes import is_cloud
 from ..jobs import redraw_panels
 from . import advice, targets
 from .background import Preparation, Signature
@@ -70,8 +71,13 @@ def _make_ready(window: bpy.types.Window) -> None:
             photo = targets.photo_of(window.scene, area.spaces.active.image)
             if photo is not None and (STORE.photo is None or STORE.photo.signature != (photo.path,)):
                 prepare_photo(photo)
-        elif area.type == "VIEW_3D" and _is_ours(scan_tool) and STORE.scan is None and scan is not None:
+        elif area.type == "VIEW_3D" and STORE.scan is None and _is_needed(scan, scan_tool):
             prepare_scan(scan)
+
+
+def _is_needed(scan: bpy.types.Object | None, tool: bpy.types.WorkSpaceTool | None) -> bool:
+    """Whether a scan is about to be clicked, or drawn by what its preparation finds: a cloud is shaded."""
+    return scan is not None and scan.mode == "OBJECT" and (_is_ours(tool) or is_cloud(scan.data))
 
 
 def _is_ours(tool: bpy.types.WorkSpaceTool | None) -> bool:

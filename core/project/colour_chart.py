@@ -66,14 +66,20 @@ def read_chart_job(entry: ColourChartEntry) -> Job[ChartResult]:
     return ChartResult(entry.photo.stem, fitted)
 
 
-def found_chart_job(entry: ColourChartEntry, mask: BoolArray | None) -> Job[ChartResult]:
-    """Find the chart by itself, else within a mark (H,W) of its field of patches. Raises PhotoError."""
+def found_chart_job(
+    entry: ColourChartEntry, mask: BoolArray | None
+) -> Job[tuple[ColourChartEntry, ChartResult]]:
+    """Find the chart by itself, else within a mark (H,W) of its field of patches.
+
+    Returns the entry that finds it again, too. Raises PhotoError.
+    """
     try:
-        return (yield from read_chart_job(entry))
+        return entry, (yield from read_chart_job(entry))
     except PhotoError:
         if mask is None:
             raise
-    return (yield from read_chart_job(replace(entry, corners=quadrilateral(mask))))
+    marked = replace(entry, corners=quadrilateral(mask))
+    return marked, (yield from read_chart_job(marked))
 
 
 def quadrilateral(mask: BoolArray) -> tuple[tuple[float, float], ...]:

@@ -90,7 +90,7 @@ def run_project_job(project: Project, versions: Mapping[str, str] | None = None)
     clock: dict[str, float] = {}
     _check_texturable(project)
     digests = yield from part(_timed(check_inputs_job(project), clock, "check"), 0.0, 0.04)
-    charts = yield from part(_charts_job(project), 0.04, 0.05)
+    charts = yield from part(charts_job(project), 0.04, 0.05)
     scan, occluders = yield from part(_timed(read_scans_job(project), clock, "scan"), 0.05, 0.15)
     if scan.is_cloud:
         check_cloud(project, scan)
@@ -131,7 +131,7 @@ def run_project_job(project: Project, versions: Mapping[str, str] | None = None)
     return ProjectResult(project, scan, faces, surfaces, poses, textured, record, clock, hiding, *found)
 
 
-def _charts_job(project: Project) -> Job[dict[str, ChartResult]]:
+def charts_job(project: Project) -> Job[dict[str, ChartResult]]:
     """Read the colour chart of every layer; one that is not found is refused before anything is computed."""
     found = {}
     for entry in project.charts:

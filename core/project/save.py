@@ -7,11 +7,13 @@ import json
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..arrays import BoolArray, FloatArray, IntArray
 from ..cameras import Camera
 from ..cameras.files import camera_to_dict, write_camera_json
 from ..files import replacing
@@ -22,8 +24,10 @@ from ..pose.points.survey import Survey
 from ..regions.files import write_mask
 from ..regions.image_region import ImageRegion
 from ..regions.surface_files import FaceRegion, write_face_regions
+from ..scans.ply import write_ply
+from ..settings import ScanSettings
 from .delivery import DeliverySettings
-from .entries import OutputEntry, PhotoEntry, Project, RegionEntries
+from .entries import OutputEntry, PhotoEntry, Project, RegionEntries, ScanEntry
 from .load import VERSION
 from .marks import HIDDEN
 from .simplified import SimplifySettings
@@ -33,27 +37,42 @@ _NOT_IN_NAMES = re.compile(r'[/\\:*?"<>|]')
 _Table = Mapping[str, Any]
 
 
-def save_project_job(
-    project: Project, kept: Sequence[FaceRegion] = (), survey: Survey | None = None
-) -> Job[None]:
+@dataclass(frozen=True, eq=False)
+class Unsaved:
+    """What belongs to a project and is in no file yet; places in the scan's true coordinates, metres.
+
+    Regions by the faces that they are `kept` by, or by the `points` (V,) of a cloud; surveyed points; meshes
+    that hide the scan, by name.
+    """
+
+    kept: Sequence[FaceRegion] = ()
+    points: Mapping[str, BoolArray] = field(default_factory=dict)
+    survey: Survey | None = None
+    occluders: Mapping[str, tuple[FloatArray, IntArray]] = field(default_factory=dict)
+
+
+def save_project_job(project: Project, unsaved: Unsaved | None = None) -> Job[None]:
     """Write a project to `project.path`, so that `load_project` reads the same again.
 
-    What is in no file goes into the folder NAME_files beside it: cameras, masks that were painted, the `kept`
-    regions of the scan, and surveyed points (`survey`, in the world of the scan's file). Raises OutputError.
+    What is in no file goes into the folder NAME_files beside it: cameras, masks that were painted, and what
+    is `unsaved`. Raises OutputError.
     """
+    unsaved = unsaved or Unsaved()
     folder = project.path.with_name(f"{project.path.stem}_files")
     cameras = _Cameras(folder)
     photos = []
     for number, entry in enumerate(project.photos):
         yield Progress(number / len(project.photos), f"Writing the masks of {entry.photo.name}")
         photos.append(_photo(entry, cameras, folder))
-    scan = {"path": project.scan.path, **_settings(project.scan.settings)}
-    if project.scan.occluders:
-        scan["occluders"] = project.scan.occluders
-    tables = [("", {"fresco": VERSION}), ("[scan]", scan), *_regions(project.regions, kept, folder)]
+    scan = _scan(project.scan, unsaved.occluders, folder)
+    tables = [("", {"fresco": VERSION}), ("[scan]", scan), *_regions(project.regions, unsaved, folder)]
     tables += [("[[camera]]", table) for table in cameras.tables]
     tables += [("[[photo]]", table) for table in photos]
-    tables += [*_points(project, survey, folder), *_stages(project), ("[output]", _output(project.output))]
+    tables += [
+        *_points(project, unsaved.survey, folder),
+        *_stages(project),
+        ("[output]", _output(project.output)),
+    ]
     text = "\n".join(_table_text(head, table, project.path.parent) for head, table in tables)
     with replacing(project.path) as file:
         file.write(text.encode())
@@ -78,6 +97,24 @@ class _Cameras:
             self._names[key] = name
             self.tables.append({"name": name, "file": path})
         return self._names[key]
+
+
+def _scan(scan: ScanEntry, unsaved: Mapping[str, tuple[FloatArray, IntArray]], folder: Path) -> _Table:
+    table = {"path": scan.path, **_settings(scan.settings)}
+    occluders = list(scan.occluders)
+    for name, (vertices, faces) in unsaved.items():
+        path = folder / "occluders" / f"{_file_name(name)}.ply"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_ply(path, _in_unit(vertices, scan.settings), faces)
+        occluders.append(path)
+    return table | {"occluders": occluders} if occluders else table
+
+
+def _in_unit(vertices: FloatArray, settings: ScanSettings) -> FloatArray:
+    """Metres with z up as the files of the scan have them: occluders are read with its settings."""
+    x, y, z = vertices.T
+    turned = np.stack([x, z, -y], axis=1) if settings.up == "y" else vertices
+    return turned / settings.unit
 
 
 def _photo(entry: PhotoEntry, cameras: _Cameras, folder: Path) -> _Table:
@@ -129,13 +166,11 @@ def _file_name(name: str) -> str:
     return _NOT_IN_NAMES.sub("_", name)
 
 
-def _regions(
-    regions: RegionEntries, kept: Sequence[FaceRegion], folder: Path
-) -> Iterable[tuple[str, _Table]]:
+def _regions(regions: RegionEntries, unsaved: Unsaved, folder: Path) -> Iterable[tuple[str, _Table]]:
     many: dict[str, Any] = {"face_sets": regions.all_face_sets}
-    path = folder / "regions.npz" if kept else regions.kept
-    if kept and path is not None:
-        write_face_regions(path, kept)
+    path = folder / "regions.npz" if unsaved.kept else regions.kept
+    if unsaved.kept and path is not None:
+        write_face_regions(path, unsaved.kept)
     if path is not None:
         many["kept"] = path
     if regions.unplaced:
@@ -147,10 +182,22 @@ def _regions(
             yield "[[region]]", {"name": name, "labels": source.path, "id": number, **key}
         if not source.names:
             yield "[[region]]", {"name": source.name, "faces": source.path, **key}
+    yield from _point_regions(unsaved.points, folder / "points.npz")
     for name, face_set in regions.face_sets.items():
         yield "[[region]]", {"name": name, "face_set": face_set}
     for name, corners in regions.outlines.items():
         yield "[[region]]", {"name": name, "outline": corners.tolist()}
+
+
+def _point_regions(points: Mapping[str, BoolArray], path: Path) -> Iterable[tuple[str, _Table]]:
+    """Write which points of a cloud (V,) belong to each region; -> a table for each."""
+    keys = [f"region_{number}" for number in range(len(points))]
+    if points:
+        with replacing(path) as file:
+            inside = [chosen.astype(np.uint8) for chosen in points.values()]
+            np.savez_compressed(file, **dict(zip(keys, inside, strict=True)))
+    for key, name in zip(keys, points, strict=True):
+        yield "[[region]]", {"name": name, "labels": path, "id": 1, "key": key}
 
 
 def _points(project: Project, survey: Survey | None, folder: Path) -> Iterable[tuple[str, _Table]]:

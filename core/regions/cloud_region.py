@@ -17,6 +17,9 @@ _FEWEST = 20  # points that make an outline
 _NEAR = 6  # neighbours whose distance is the local spacing
 _ALPHA = 1.6  # largest circumradius in distances to the sixth neighbour: empty places wider than that are
 _SPECK = 8  # triangles of a gap that is none
+_SAME = 0.02  # distances to the next point within which a point is the same one
+_NEARLY_ALL = 0.95
+_LEAST = 0.6  # share of a region's points that has to be found again
 _SAMPLE = 4000  # points that the fit looks at
 
 
@@ -51,6 +54,35 @@ def cloud_region(points: ArrayLike, name: str = "") -> SurfaceRegion:
     flat = _widened(flat, faces)
     used, corners = np.unique(faces, return_inverse=True)
     return SurfaceRegion(origin + _lifted(flat[used], fit), corners.reshape(-1, 3), name)
+
+
+def found_points(region: ArrayLike, points: ArrayLike, name: str = "") -> IndexArray:
+    """Points (n,) of a cloud (N,3) that are those of a region (k,3), both metres; the cloud may have changed.
+
+    The same points are taken when nearly all are there, else those nearer than the region's points are to
+    each other.
+
+    Raises
+    ------
+    RegionError
+        Less than 60 % of the region is there.
+    """
+    known, place = np.asarray(region, dtype=np.float64), np.asarray(points, dtype=np.float64)
+    centre = known.mean(axis=0)
+    tree = cKDTree(known - centre)
+    spacing = float(np.median(np.asarray(tree.query(known - centre, 2)[0])[:, 1]))
+    low, high = known.min(axis=0) - spacing, known.max(axis=0) + spacing
+    near = np.flatnonzero(np.all((place >= low) & (place <= high), axis=1))
+    away, met = (np.asarray(some) for some in tree.query(place[near] - centre))
+    for reach, least in ((_SAME * spacing, _NEARLY_ALL), (spacing, _LEAST)):
+        inside = away <= reach
+        share = len(np.unique(met[inside])) / len(known)
+        if share >= least:
+            return near[inside]
+    raise RegionError(
+        f"{described(name)} is not in this cloud: {100 * share:.0f} % of its points were found again. "
+        "Mark it anew, or move the cloud to where it was."
+    )
 
 
 def _lifted(flat: FloatArray, fit: SurfaceFit) -> FloatArray:

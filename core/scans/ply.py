@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from plyfile import PlyData, PlyParseError
+from plyfile import PlyData, PlyElement, PlyParseError
 
 from ..arrays import AnyArray, ByteArray, Float32Array, FloatArray, IntArray
 from ..errors import ScanError
+from ..files import replacing
 from ..jobs import Job, Progress
 from .raw import RawScan, color_bytes, cut_polygons, no_faces
 
@@ -20,6 +21,18 @@ _COLORS = (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_b
 _NOT_LABELS = {"red", "green", "blue", "alpha", "flags", "texnumber"}
 _MOST_LABELS = 4096
 """More distinct values than this are face numbers, not labels of parts."""
+
+
+def write_ply(path: Path, vertices: FloatArray, faces: IntArray) -> None:
+    """Write a mesh as binary PLY in double precision: (V,3), (F,3). Raises OutputError."""
+    corners = np.zeros(len(vertices), dtype=[(axis, "<f8") for axis in "xyz"])
+    for number, axis in enumerate("xyz"):
+        corners[axis] = vertices[:, number]
+    polygons = np.zeros(len(faces), dtype=[("vertex_indices", "<i4", 3)])
+    polygons["vertex_indices"] = faces
+    elements = [PlyElement.describe(corners, "vertex"), PlyElement.describe(polygons, "face")]
+    with replacing(path) as file:
+        PlyData(elements, byte_order="<").write(file)
 
 
 def read_ply_job(path: Path) -> Job[RawScan]:

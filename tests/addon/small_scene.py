@@ -60,6 +60,28 @@ def write_scan(path, offset=(0, 0, 0)):
     return vertices, faces
 
 
+def write_cloud(path, spacing=0.02, offset=(0, 0, 0)):
+    """Write the walls as a PLY of scattered, coloured points; -> points (N,3) m and the plane of each."""
+    random = np.random.default_rng(3)
+    steps = np.arange(spacing / 2, SIDE, spacing)
+    a, b = (grid.ravel() for grid in np.meshgrid(steps, steps))
+    points, planes = [], []
+    for plane, (first, second) in enumerate([(1, 2), (0, 2), (0, 1)]):
+        wall = random.normal(0, 0.0005, (len(a), 3))
+        wall[:, first] = a + random.uniform(-0.4, 0.4, len(a)) * spacing
+        wall[:, second] = b + random.uniform(-0.4, 0.4, len(a)) * spacing
+        points.append(wall)
+        planes.append(np.full(len(a), plane))
+    points, planes = np.concatenate(points), np.concatenate(planes)
+    rows = np.zeros(len(points), dtype=[("xyz", "<f8", 3), ("rgb", "u1", 3)])
+    rows["xyz"], rows["rgb"] = points + offset, paint(points, planes)
+    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
+    header += "".join(f"property double {axis}\n" for axis in "xyz")
+    header += "".join(f"property uchar {name}\n" for name in ("red", "green", "blue")) + "end_header\n"
+    path.write_bytes(header.encode() + rows.tobytes())
+    return points, planes
+
+
 def look_at(eye, target):
     """World -> camera pose at `eye` that looks at `target`, z up: rotation (3,3), translation (3,)."""
     forward = np.subtract(target, eye) / np.linalg.norm(np.subtract(target, eye))

@@ -71,5 +71,5 @@ def test_other_faces_are_refused_with_a_remedy(scene, bridge, module):
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [], [(0, 1, 2, 3)])
     with pytest.raises(module("core.errors").ScanError, match="Triangulate Faces"):
         bridge.read_faces(mesh)
-    with pytest.raises(module("core.errors").ScanError, match="no faces"):
+    with pytest.raises(module("core.errors").ScanError, match="needs faces"):
         bridge.read_faces(bpy.data.meshes.new("empty"))

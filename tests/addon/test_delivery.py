@@ -95,12 +95,28 @@ def test_a_colour_chart_corrects_what_is_baked(textured, tmp_path):
     np.testing.assert_array_equal(colours(textured), before)
 
 
+def test_what_was_made_is_asked_for_by_the_saved_project(textured, module, tmp_path):
+    chart_photo(textured, tmp_path, (1.0, 0.8, 0.5))
+    bpy.ops.fresco.find_colour_chart()
+    textured.fresco.delivery.simplify_by, textured.fresco.delivery.simplify_tolerance = "TOLERANCE", 0.004
+    bpy.ops.fresco.simplify_model()
+    told, path = textured.fresco.delivery.chart_told, tmp_path / "room.toml"
+    assert bpy.ops.fresco.save_project(filepath=str(path)) == {"FINISHED"}
+    project = module("core.project").load_project(path)
+    assert project.simplify.tolerance == pytest.approx(0.004) and project.simplify.faces is None
+    assert len(project.charts) == 1 and project.atlas is not None
+    textured.fresco.delivery.simplify_by, textured.fresco.delivery.charts_json = "FACES", ""
+    assert bpy.ops.fresco.open_project(filepath=str(path)) == {"FINISHED"}
+    assert textured.fresco.delivery.chart_told == told
+    assert textured.fresco.delivery.simplify_by == "TOLERANCE"
+
+
 def test_a_photo_without_chart_is_refused(textured):
     textured.fresco.photo_index = 0
     textured.fresco.region_index = -1
     with pytest.raises(RuntimeError, match="No colour chart was found"):
         bpy.ops.fresco.find_colour_chart()
-    assert not textured.fresco.delivery.chart_json
+    assert not textured.fresco.delivery.charts_json
 
 
 def colours(scene):

@@ -55,7 +55,7 @@ def test_an_opening_becomes_a_region_without_faces_that_the_solver_takes(importe
     bpy.ops.fresco.accept_proposal()
     region = fresco.active_region
     assert region.face_count == 0 and region.is_on_scan
-    surface = module("addon.bridge.regions").read_surfaces(imported)[region.name]
+    surface = module("addon.bridge.regions").surface_source(imported).regions()[region.name]
     a, b, c = (surface.vertices[surface.faces[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
     assert area == pytest.approx(1.2 * 1.0, rel=0.05)

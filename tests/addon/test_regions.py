@@ -250,7 +250,7 @@ def test_a_hidden_part_goes_to_the_solver_and_survives_saving(imported, module, 
     marks = {mark.name: mark for mark in photo.regions}
     np.testing.assert_array_equal(marks[fresco.regions[0].name].hidden, hidden)
     assert marks[fresco.regions[1].name].hidden is None
-    surfaces = bridge.read_surfaces(bpy.context.scene)
+    surfaces = bridge.surface_source(bpy.context.scene).regions()
     images, _ = module("core.project.poses")._read_regions(photo, surfaces)
     taken = {image.name: image.hidden for image in images}
     np.testing.assert_array_equal(taken[fresco.regions[0].name], hidden)

@@ -33,7 +33,7 @@ def state(scene, module):
     bridge, photos = module("addon.bridge.regions"), module("addon.bridge.photos")
     fresco = scene.fresco
     faces = {r.name: np.flatnonzero(bridge.read_faces(scene, r)).tolist() for r in fresco.regions}
-    surfaces = bridge.read_surfaces(scene)
+    surfaces = bridge.surface_source(scene).regions()
     found = {"faces": faces, "corners": {n: s.vertices.round(6).tolist() for n, s in surfaces.items()}}
     for photo in fresco.photos:
         core = photos.read_photo(scene, photo)
@@ -79,3 +79,16 @@ def test_a_scan_from_no_file_is_refused(marked, tmp_path):
     with pytest.raises(RuntimeError, match="not read from a file"):
         bpy.ops.fresco.save_project(filepath=str(tmp_path / "room.toml"))
     assert not list(tmp_path.iterdir())
+
+
+def test_what_hides_the_scan_is_saved(marked, module, tmp_path):
+    mesh = bpy.data.meshes.new("scaffold")
+    mesh.from_pydata([(1, 1, 0), (1.5, 1, 0), (1.5, 1, 2), (1, 1, 2)], [], [(0, 1, 2, 3)])
+    occluders = module("addon.bridge.world").collection(marked, "Occluders")
+    occluders.objects.link(bpy.data.objects.new("scaffold", mesh))
+    path = tmp_path / "room.toml"
+    bpy.ops.fresco.save_project(filepath=str(path))
+    bpy.ops.fresco.open_project(filepath=str(path))
+    (again,) = module("addon.bridge.scans").read_occluders(marked)
+    assert again.name.startswith("scaffold") and len(again.faces) == 2
+    np.testing.assert_allclose(np.ptp(again.vertices, axis=0), [0.5, 0, 2], atol=1e-6)

@@ -66,14 +66,3 @@ def test_a_bad_file_is_a_sentence_and_changes_nothing(scene, tmp_path, name, con
     assert "Traceback" not in str(caught.value)
     assert scene.fresco.scan is None
     assert not bpy.data.meshes
-
-
-def test_a_cloud_is_refused_with_the_reason(scene, tmp_path):
-    (tmp_path / "cloud.ply").write_text(
-        "ply\nformat ascii 1.0\nelement vertex 3\n"
-        "property float x\nproperty float y\nproperty float z\nend_header\n"
-        "0 0 0\n1 0 0\n0 1 0\n"
-    )
-    with pytest.raises(RuntimeError, match="points only"):
-        bpy.ops.fresco.import_scan(filepath=str(tmp_path / "cloud.ply"))
-    assert scene.fresco.scan is None

@@ -73,11 +73,11 @@ def between(corners, count):
     return np.concatenate([(1 - share) * np.array(a) + share * np.array(b) for a, b in pairs])
 
 
-def import_scene(folder, photos, keep_regions=False):
+def import_scene(folder, photos, keep_regions=False, scan="scan.ply"):
     """Import scan and photos of the small scene, without the regions that its scan brings."""
     bpy.ops.object.select_all(action="SELECT")
     bpy.ops.object.delete()
-    bpy.ops.fresco.import_scan(filepath=str(folder / "scan.ply"))
+    bpy.ops.fresco.import_scan(filepath=str(folder / scan))
     bpy.ops.fresco.import_photos(
         directory=str(folder / "photos"), files=[{"name": f"{name}.png"} for name in photos]
     )

@@ -25,3 +25,10 @@ def test_proposals_partners_and_advice(drive, folder, room):
         "3 partners proposed.png",
         "5 carried into the next photo.png",
     } <= pictures
+
+
+def test_a_cloud_of_points(drive, folder, room):
+    """Wand, lasso and brush on points; a click beside; a pose and colours; pictures go to artefacts/."""
+    room.write_cloud(folder / "cloud.ply", spacing=0.01)
+    pictures = drive("cloud", [folder], folder)
+    assert {"1 cloud.png", "2 regions of points.png", "4 coloured points.png"} <= pictures
