@@ -24,7 +24,8 @@ class Refinement:
     Scores by `method`: "edges" compares edge agreement (1: none; larger is better), "joint" the median
     distance in pixels to what the other photos show (smaller is better). `count`: edges or ties that hold the
     pose. `note` says why the start was kept; empty when the pose was moved. `lens` tells in words what
-    became of the lens where lenses were to be adjusted; `camera` is the one before, where it was.
+    became of the lens where lenses were to be adjusted; `camera` is the one before, where it was. `ties`
+    (u, v, du, dv): some ties all over the photo, where the pose puts them, and from there to where they are.
     """
 
     method: Method
@@ -35,6 +36,7 @@ class Refinement:
     note: str = ""
     lens: str = ""
     camera: Camera | None = None
+    ties: tuple[tuple[float, float, float, float], ...] = ()
 
     @property
     def moved(self) -> bool:
@@ -140,7 +142,9 @@ def refinement_to_dict(step: Refinement) -> dict[str, Any]:
 
 def refinement_from_dict(saved: Mapping[str, Any]) -> Refinement:
     """Return the step that `refinement_to_dict` wrote down."""
-    return Refinement(**{**saved, "start": _pose(saved["start"]), "camera": _camera(saved.get("camera"))})
+    ties = tuple((u, v, du, dv) for u, v, du, dv in saved.get("ties", ()))
+    rebuilt = {"start": _pose(saved["start"]), "camera": _camera(saved.get("camera")), "ties": ties}
+    return Refinement(**{**saved, **rebuilt})
 
 
 def _camera_numbers(camera: Camera | None) -> dict[str, Any] | None:

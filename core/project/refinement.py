@@ -14,7 +14,7 @@ from ..jobs import Job, Progress, drain, part
 from ..photos.photo import Photo
 from ..photos.view import View
 from ..pose.edges import EdgePose, refine_pose_by_edges_job
-from ..pose.joint import JointPose, LensFit, refine_poses_jointly_job
+from ..pose.joint import JointPose, LensFit, TieResiduals, refine_poses_jointly_job
 from ..pose.pose import Pose
 from ..scans.scan import Scan
 from ..settings import EdgeSettings, JointSettings
@@ -24,6 +24,9 @@ from .store import Store
 
 _HELD = np.diag(np.repeat([1e-6, 1e-5], 3) ** 2)
 """Covariance (rad, m) of a pose that others are tied to and that must not move itself."""
+
+_TIES_ALONG = 30
+"""Ties that are kept along the longer side of a photo."""
 
 
 @dataclass(frozen=True)
@@ -144,12 +147,21 @@ def _joint_step(view: View, result: PhotoPose, pose: JointPose, held: bool) -> P
         return result if adjusted is None else replace(result, camera=adjusted)
     shifts = pose.shift_before, pose.shift_after
     step = _stepped(result, pose, "joint", shifts, pose.ties, pose.note)
+    told = replace(step.refinements[-1], ties=_told_ties(pose.residuals))
+    step = replace(step, refinements=(*step.refinements[:-1], told))
     if pose.lens is None or (pose.note and not pose.lens.note):
         return step
     camera = view.camera if adjusted is not None else None
     last = replace(step.refinements[-1], lens=lens_told(pose.lens), camera=camera)
     refinements = (*step.refinements[:-1], last)
     return replace(step, refinements=refinements, camera=adjusted or result.camera)
+
+
+def _told_ties(residuals: TieResiduals) -> tuple[tuple[float, float, float, float], ...]:
+    """Ties spread over the photo, to a hundredth of a pixel: as many as a picture of them can show."""
+    few = residuals.spread(_TIES_ALONG)
+    rows = np.round(np.concatenate([few.pixels, few.offsets], axis=1), 2).tolist()
+    return tuple((u, v, du, dv) for u, v, du, dv in rows)
 
 
 def lens_told(lens: LensFit) -> str:

@@ -1,7 +1,8 @@
-"""Edges of the scan as a photo should show them, and how far off it shows them: to look at a refinement."""
+"""Edges of the scan and ties as a photo should show them, and how far off it shows them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +16,11 @@ from ..pose.edges.alignment import match_edges
 from ..pose.edges.photo_edges import EdgeField, photo_edge_field
 from ..pose.edges.rendering import Scan as EdgeScan
 from ..pose.edges.scan_edges import ScanEdges, find_scan_edges
+from ..pose.joint import TieResiduals
 from ..pose.points.pictures import read_view, read_view_mask
 from ..scans.scan import Scan
 from ..settings import EdgeSettings
+from .photo_pose import Refinement
 from .refinement import scan_colours
 
 _WIDTHS = (4.0, 1.0)
@@ -98,6 +101,15 @@ def _offsets(field: EdgeField, edges: ScanEdges, search: float) -> FloatArray:
     known = (found > _FOUND) & (np.abs(distance) <= search)
     out: FloatArray = edges.normals * np.where(known, distance, np.nan)[:, None]
     return out
+
+
+def tie_residuals(refinements: Sequence[Refinement]) -> TieResiduals | None:
+    """What the joint refinement left of some ties all over a photo; None where it did not move it last."""
+    moved = [step for step in refinements if step.moved]
+    if not moved or not moved[-1].ties:
+        return None
+    numbers = np.array(moved[-1].ties)
+    return TieResiduals(numbers[:, :2], numbers[:, 2:])
 
 
 def pose_between(

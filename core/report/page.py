@@ -12,6 +12,7 @@ import numpy as np
 
 from ..project.photo_pose import Method
 from ..project.remarks import remarks_on
+from ..project.residuals import tie_residuals
 from .content import PhotoRow, Report
 from .maps import FaceMap
 from .style import STYLE
@@ -129,7 +130,8 @@ def _problem(name: str, status: str, text: str) -> str:
 
 _COLUMNS = (
     ("Photo", ""), ("Camera", ""), ("State", ""), ("Regions", ""),
-    ("Overlap error", "%"), ("Edges", ""), ("To other photos", "px"), ("Rotation σ", "°"), ("Centre σ", "mm"),
+    ("Overlap error", "%"), ("Edges", ""), ("To other photos", "px"),
+    ("Ties", "px"), ("Rotation σ", "°"), ("Centre σ", "mm"),
     ("Surface σ", "mm"), ("Rotation error", "°"), ("Centre error", "mm"), ("Shift to others", "px"),
     ("Faces", ""), ("Area", "m²"), ("Pixel on surface", "mm"),
 )  # fmt: skip
@@ -154,7 +156,8 @@ def _photo_table(rows: Sequence[PhotoRow]) -> str:
         "Overlap error: the part of marked and projected regions that does not overlap. σ: one standard "
         "deviation, all axes together; surface σ: how far the photo may therefore lie off on the scan, "
         "median. Edges, to other photos: before → after refinement; edges agree by 1 where photo and scan "
-        "have nothing in common. Shift: where a photo shows details against where others show them, median."
+        "have nothing in common. Ties: what the joint refinement left of them, median and what 95 % of them "
+        "do not exceed. Shift: where a photo shows details against where others show them, median."
     )
     return (
         f'<section><h2>Photos</h2><div class="wide"><table><caption>{caption}</caption>'
@@ -172,6 +175,7 @@ def _cells(row: PhotoRow) -> list[str]:
         _number(row.overlap_error, "{:.2f}"),
         _change(row, "edges", "{:.2f}"),
         _change(row, "joint", "{:.1f}"),
+        _ties(row),
         _number(row.rotation_sigma, "{:.3f}"),
         _number(row.centre_sigma, "{:.1f}"),
         _number(row.surface_shift, "{:.2f}"),
@@ -191,6 +195,12 @@ def _change(row: PhotoRow, method: Method, form: str) -> str:
         return _NOTHING
     before = _number(steps[-1].score_before, form)
     return f"{before} → {_number(steps[-1].score_after, form)}" if steps[-1].moved else f"{before} (kept)"
+
+
+def _ties(row: PhotoRow) -> str:
+    """Median and 95 % quantile of the residuals of a photo's ties."""
+    ties = tie_residuals(row.refinements)
+    return _NOTHING if ties is None else f"{ties.length_at(0.5):.2f}, 95 %: {ties.length_at(0.95):.2f}"
 
 
 def _align(column: int) -> str:

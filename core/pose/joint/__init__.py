@@ -2,5 +2,6 @@
 
 from .lens import LensFit
 from .refine import JointPose, refine_poses_jointly, refine_poses_jointly_job
+from .residuals import TieResiduals
 
-__all__ = ["JointPose", "LensFit", "refine_poses_jointly", "refine_poses_jointly_job"]
+__all__ = ["JointPose", "LensFit", "TieResiduals", "refine_poses_jointly", "refine_poses_jointly_job"]

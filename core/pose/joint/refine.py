@@ -19,6 +19,7 @@ from .adjustment import Network, Prior, covariances
 from .features import Surface, detect_features
 from .group import Group, Matches
 from .lens import UNKNOWNS, LensFit, fitted_lens, shared_lenses, why_fixed
+from .residuals import TieResiduals
 from .solution import Solution
 
 
@@ -29,7 +30,8 @@ class JointPose(Pose):
     `ties`: tracked scan points that hold the photo, 0 when it kept its pose; `shift_before`, `shift_after`:
     median distance in pixels between its features and those of other photos carried over the scan, NaN
     without any. `note`: why the pose was kept, empty when it was refined. `camera`: the one that belongs to
-    the pose; `lens`: what became of its lens, None where lenses were not to be adjusted.
+    the pose; `lens`: what became of its lens, None where lenses were not to be adjusted. `residuals`: what is
+    left of each tie, none where the pose was kept.
     """
 
     ties: int
@@ -38,6 +40,7 @@ class JointPose(Pose):
     note: str
     camera: Camera
     lens: LensFit | None = None
+    residuals: TieResiduals = field(default_factory=TieResiduals.none)
 
     @property
     def refined(self) -> bool:
@@ -164,6 +167,7 @@ class _Adjusted:
                     note,
                     camera,
                     lens,
+                    TieResiduals.none() if note else self.solution.residuals(i, camera),
                 )
             )
         return poses

@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...arrays import BoolArray, FloatArray, IndexArray
+from ...cameras.base import Camera
 from ...jobs import Job, part
 from ...settings import JointSettings
+from ..points.perturbation import camera_points
 from .adjustment import (
     Network,
     Noise,
@@ -22,6 +24,7 @@ from .adjustment import (
 )
 from .features import Features, Hits, Surface
 from .lens import UNKNOWNS, Lenses
+from .residuals import TieResiduals
 from .tracks import Tracks, build_tracks
 
 ROUNDS = 4
@@ -40,6 +43,15 @@ class Solution:
         """Tracks that hold each photo: (N,)."""
         count = len(self.network.centres)
         return np.bincount(self.problem.tracks.view, minlength=count).astype(np.int64)
+
+    def residuals(self, view: int, camera: Camera) -> TieResiduals:
+        """What is left of the ties of a photo, seen through its camera."""
+        tracks, network = self.problem.tracks, self.network
+        mine = tracks.view == view
+        points = network.points[tracks.track[mine]]
+        pixels = camera.project(camera_points(network.rotations[view], network.centres[view], points))
+        seen = np.isfinite(pixels).all(axis=1)
+        return TieResiduals(pixels[seen], tracks.pixels[mine][seen] - pixels[seen])
 
 
 def solve_network_job(

@@ -11,6 +11,7 @@ from fresco.core.pose import Pose, RegionPose
 from fresco.core.project import PhotoPose, Refinement, RefineSettings, load_project, refinement, remarks
 from fresco.core.project.photo_pose import PointSighting, pose_from_dict, pose_to_dict
 from fresco.core.project.refinement import refine_poses, restored
+from fresco.core.project.residuals import tie_residuals
 from fresco.core.project.run import read_scans_job, run_project
 from fresco.core.report import write_report
 from fresco.core.settings import EdgeSettings, JointSettings
@@ -70,6 +71,9 @@ def test_a_run_refines_tells_and_takes_over(refined, monkeypatch):
         assert joint.moved and joint.score_after < joint.score_before and joint.count > 20
         assert edges.start is pose.first_pose and pose.overlap_error is not None
         assert pose.pose is not joint.start and pose.sure_pose is pose.pose
+        ties = tie_residuals(pose.refinements)
+        assert 20 < len(ties) <= 900 and ties.length_at(0.95) < 4
+        assert tie_residuals(pose.refinements[:1]) is None
     starts = np.array([np.linalg.norm(p.first_pose.centre + truth[p.photo][0].T @ truth[p.photo][1])
                        for p in result.poses])  # fmt: skip
     assert np.median(centre_errors(result.poses, truth)) < min(0.004, 0.5 * np.median(starts))
@@ -80,7 +84,7 @@ def test_a_run_refines_tells_and_takes_over(refined, monkeypatch):
     assert [step["method"] for step in told] == ["edges", "joint"] and told[0]["note"]
     assert len(record["photos"][0]["pose"]["covariance"]) == 6
     page = write_report(result, path.parent / "report.html").read_text(encoding="utf-8")
-    assert "To other photos" in page and "Surface σ" in page and "(kept)" in page
+    assert "To other photos" in page and ", 95 %: " in page and "Surface σ" in page and "(kept)" in page
 
     def fail(*_arguments):
         raise AssertionError("was refined again")
@@ -91,6 +95,7 @@ def test_a_run_refines_tells_and_takes_over(refined, monkeypatch):
     for one, other in zip(result.poses, again.poses, strict=True):
         np.testing.assert_array_equal(one.pose.translation, other.pose.translation)
         assert [step.note for step in one.refinements] == [step.note for step in other.refinements]
+        assert [step.ties for step in one.refinements] == [step.ties for step in other.refinements]
     edit(path, "joint = true", "joint = { seed = 1 }")
     with pytest.raises(AssertionError, match="refined again"):
         run_project(load_project(path))

@@ -53,5 +53,18 @@ def test_photo_of_something_else_keeps_its_pose_and_says_so(solved):
     assert pose.ties == 0
 
 
+def test_residuals_tell_what_is_left_of_the_ties(solved):
+    poses = solved[1]
+    for pose in poses[:2]:
+        assert len(pose.residuals) == pose.ties
+        assert 0.02 < pose.residuals.length_at(0.5) < pose.residuals.length_at(0.95) < 3
+        assert np.abs(pose.residuals.offsets.mean(axis=0)).max() < 0.2
+        few = pose.residuals.spread(10)
+        assert 20 < len(few) <= 100
+        assert all((few.pixels[k] == pose.residuals.pixels).all(axis=1).any() for k in range(len(few)))
+    assert len(poses[2].residuals) == 0
+    assert np.isnan(poses[2].residuals.length_at(0.5))
+
+
 def test_no_photos_no_poses(wall):
     assert refine_poses_jointly([], wall.vertices, wall.faces) == []
