@@ -1,7 +1,8 @@
-"""Which points of a cloud a photo sees: by a depth buffer of oriented discs, or by Hidden Point Removal."""
+"""Which points of a cloud a photo sees: by a depth buffer of splats, or by Hidden Point Removal."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -11,16 +12,17 @@ from ..arrays import ArrayLike, BoolArray, FloatArray, IndexArray
 from ..cameras.base import Camera
 from ..errors import TextureError
 from ..photos.view import View
+from .splats import Splats, measure_splats, tangents
 from .visibility import project
 
-_DISC = 1.3
-"""Radius of a point's disc over the distance to its third neighbour: larger ones leave fewer holes, but hide
-more of what lies beside an edge."""
-_CELLS_PER_DISC = 2.0
+_CELLS_PER_SPLAT = 2.0
+"""Cells from the middle of a splat to its end, in the median: finer ones changed nothing."""
 _WIDEST_SPLAT = 4
-"""Half-width in cells up to which a disc is drawn; nearer discs would cover more of the picture."""
+"""Half-width in cells up to which a splat is drawn; nearer ones would cover more of the picture."""
 _STEEPEST = 0.05
-"""Discs seen at a smaller cosine hide nothing: they are thin lines in the picture."""
+"""Splats seen at a smaller cosine hide nothing: they are thin lines in the picture."""
+_DEPTH = 0.8
+"""Depth behind a splat, in distances to the third neighbour, that still counts as the same surface."""
 
 Method = Literal["depth", "hull"]
 
@@ -31,14 +33,14 @@ def visible_points(
     view: View,
     method: Method = "depth",
     gamma: float = 3.0,
-    spacing: float | None = None,
+    splats: Splats | None = None,
 ) -> BoolArray:
     """Whether a photo sees each point of a cloud: (N,3) m, unit normals (N,3) or None, -> (N,).
 
-    "depth" needs normals: every point is a disc that covers its neighbourhood; points behind discs are hidden
-    and so are those that look away. "hull" is Katz's Hidden Point Removal, which needs none, with a flipping
-    radius of `10 ** gamma` times the farthest point; with normals those that look away are hidden too.
-    `spacing` (m) between neighbours is measured when not given. Raises TextureError.
+    "depth" needs normals: every point is a splat that covers its neighbourhood; points behind splats are
+    hidden and so are those that look away. "hull" is Katz's Hidden Point Removal, which needs none, with a
+    flipping radius of `10 ** gamma` times the farthest point; with normals those that look away are hidden.
+    The cloud's `splats` are measured when not given. Raises TextureError.
     """
     cloud = np.asarray(points, dtype=np.float64)
     inside = view.camera.in_frame(project(view, cloud))
@@ -56,7 +58,8 @@ def visible_points(
     else:
         local = cloud[candidates] - view.centre
         normal = np.asarray(normals, dtype=np.float64)[candidates]
-        kept = _in_depth_buffer(local, normal, view, spacing or point_spacing(cloud))
+        splats = splats or measure_splats(cloud, normals)
+        kept = _in_depth_buffer(local, normal, view, splats.of(candidates))
     visible[candidates] = kept
     return visible
 
@@ -85,77 +88,68 @@ def _on_hull(local: FloatArray, gamma: float) -> BoolArray:
     return visible
 
 
-def _in_depth_buffer(local: FloatArray, normal: FloatArray, view: View, spacing: float) -> BoolArray:
+def _in_depth_buffer(local: FloatArray, normal: FloatArray, view: View, splats: Splats) -> BoolArray:
     """Visibility of points (n,3), relative to the camera's centre, among each other.
 
-    Discs much nearer than the others are drawn into pictures of larger cells: so none is left with holes.
+    Splats much larger in the picture than the others are drawn with larger cells, so that none has holes.
     """
     distance = np.linalg.norm(local, axis=1)
-    density = _pixels_per_radian(view.camera)
-    # Discs are drawn about two cells wide at the median distance.
-    finest = max(1.0, density * spacing * _DISC / float(np.median(distance)) / _CELLS_PER_DISC)
-    reach = density * spacing * _DISC / distance / finest
-    level = np.ceil(np.log2(np.maximum(reach / _WIDEST_SPLAT, 1.0))).astype(np.int64)
+    reach = _pixels_per_radian(view.camera) * splats.reach.max(axis=1) / distance
+    finest = max(1.0, float(np.median(reach)) / _CELLS_PER_SPLAT)
+    level = np.ceil(np.log2(np.maximum(reach / (finest * _WIDEST_SPLAT), 1.0))).astype(np.int64)
     pixel = view.camera.project(local @ np.asarray(view.rotation, dtype=np.float64).T)
+    scene = _Scene(local, distance, normal, pixel, reach, splats)
     visible = np.ones(len(local), dtype=np.bool_)
     for number in np.unique(level):
-        drawn = np.flatnonzero(level == number)
-        visible &= _in_front_of(local, normal, pixel, drawn, view, spacing, finest * 2.0**number)
+        visible &= scene.in_front_of(np.flatnonzero(level == number), view, finest * 2.0**number)
     return visible
 
 
-def _in_front_of(
-    local: FloatArray,
-    normal: FloatArray,
-    pixel: FloatArray,
-    drawn: IndexArray,
-    view: View,
-    spacing: float,
-    cell: float,
-) -> BoolArray:
-    """Whether points (n,3) lie before the discs of those `drawn` into a picture with cells of `cell` px."""
-    distance = np.linalg.norm(local, axis=1)
-    density = _pixels_per_radian(view.camera)
-    columns, rows = int(view.camera.width / cell) + 1, int(view.camera.height / cell) + 1
-    column = np.clip((pixel[:, 0] + 0.5) / cell, 0, columns - 1).astype(np.int64)
-    row = np.clip((pixel[:, 1] + 0.5) / cell, 0, rows - 1).astype(np.int64)
-    rays = _cell_rays(view.camera, np.asarray(view.rotation, dtype=np.float64), cell, columns, rows)
-    buffer = np.full(columns * rows, np.inf)
-    reach = np.ceil(density * spacing * _DISC / distance[drawn] / cell).astype(np.int64)
-    plane = np.einsum("nk,nk->n", normal, local)
-    for dv in range(-_WIDEST_SPLAT, _WIDEST_SPLAT + 1):
-        for du in range(-_WIDEST_SPLAT, _WIDEST_SPLAT + 1):
-            u, v = column[drawn] + du, row[drawn] + dv
-            inside = (
-                (np.maximum(abs(du), abs(dv)) <= reach) & (u >= 0) & (u < columns) & (v >= 0) & (v < rows)
-            )
-            here = drawn[inside]
-            at = (v * columns + u)[inside]
-            _draw(buffer, at, rays, local[here], normal[here], plane[here], spacing)
-    cosine = np.maximum(-plane / distance, _STEEPEST)
-    # A cell's ray passes the point at up to half a cell; on a slope its depth differs by as much.
-    slope = distance * (cell / density) * np.sqrt(1 - cosine**2) / cosine
-    before: BoolArray = distance <= buffer[row * columns + column] + spacing + 0.75 * slope
-    return before
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    """Points (n,3) m from the camera's centre, their `pixel` (n,2), and the `reach` of their splats in px."""
 
+    local: FloatArray
+    distance: FloatArray
+    normal: FloatArray
+    pixel: FloatArray
+    reach: FloatArray
+    splats: Splats
 
-def _draw(
-    buffer: FloatArray,
-    cell: IndexArray,
-    rays: FloatArray,
-    local: FloatArray,
-    normal: FloatArray,
-    plane: FloatArray,
-    spacing: float,
-) -> None:
-    """Write the distance at which a cell's ray meets each point's disc, where it is the nearest."""
-    ray = rays[cell]
-    cosine = np.einsum("nk,nk->n", ray, normal)
-    flat = cosine < -_STEEPEST
-    depth = plane / np.where(flat, cosine, -1.0)
-    off = np.linalg.norm(ray * depth[:, None] - local, axis=1)
-    met = flat & (off <= _DISC * spacing)  # comparisons with NaN, off the camera's field, are false
-    np.minimum.at(buffer, cell[met], depth[met])
+    def in_front_of(self, drawn: IndexArray, view: View, cell: float) -> BoolArray:
+        """Whether points (n,) lie before the splats of those `drawn` with cells of `cell` px."""
+        columns, rows = int(view.camera.width / cell) + 1, int(view.camera.height / cell) + 1
+        column = np.clip((self.pixel[:, 0] + 0.5) / cell, 0, columns - 1).astype(np.int64)
+        row = np.clip((self.pixel[:, 1] + 0.5) / cell, 0, rows - 1).astype(np.int64)
+        rays = _cell_rays(view.camera, np.asarray(view.rotation, dtype=np.float64), cell, columns, rows)
+        buffer = np.full(columns * rows, np.inf)
+        extent = np.ceil(self.reach[drawn] / cell)
+        for dv in range(-_WIDEST_SPLAT, _WIDEST_SPLAT + 1):
+            for du in range(-_WIDEST_SPLAT, _WIDEST_SPLAT + 1):
+                u, v = column[drawn] + du, row[drawn] + dv
+                inside = (max(abs(du), abs(dv)) <= extent) & (u >= 0) & (u < columns) & (v >= 0) & (v < rows)
+                self._draw(buffer, (v * columns + u)[inside], rays, drawn[inside])
+        plane = np.einsum("nk,nk->n", self.normal, self.local)
+        cosine = np.maximum(-plane / self.distance, _STEEPEST)
+        # A cell's ray passes the point at up to half a cell; on a slope its depth differs by as much.
+        slope = self.distance * (cell / _pixels_per_radian(view.camera)) * np.sqrt(1 - cosine**2) / cosine
+        behind = self.distance - buffer[row * columns + column]
+        before: BoolArray = behind <= _DEPTH * self.splats.spacing + 0.75 * slope
+        return before
+
+    def _draw(self, buffer: FloatArray, cell: IndexArray, rays: FloatArray, point: IndexArray) -> None:
+        """Write the distance at which a cell's ray meets each point's splat, where it is the nearest."""
+        ray, normal, local = rays[cell], self.normal[point], self.local[point]
+        cosine = np.einsum("nk,nk->n", ray, normal)
+        flat = cosine < -_STEEPEST  # comparisons with NaN, off the camera's field, are false
+        ray, normal, local, cosine = ray[flat], normal[flat], local[flat], cosine[flat]
+        depth = np.einsum("nk,nk->n", normal, local) / cosine
+        met = ray * depth[:, None] - local
+        first, second = tangents(normal)
+        x, y = np.einsum("nk,nk->n", met, first), np.einsum("nk,nk->n", met, second)
+        along = np.stack([np.einsum("nk,nk->n", ray, first), np.einsum("nk,nk->n", ray, second)], axis=1)
+        covered = self.splats.covers(point[flat], x, y, along, cosine)
+        np.minimum.at(buffer, cell[flat][covered], depth[covered])
 
 
 def _cell_rays(camera: Camera, rotation: FloatArray, cell: float, columns: int, rows: int) -> FloatArray:

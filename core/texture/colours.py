@@ -31,6 +31,7 @@ from .images import (
 from .levelling import SeamLevels
 from .samples import sample_photo
 from .selection import Selection
+from .splats import Splats, measure_splats_job, tangents
 from .surface import checked_mesh
 from .visibility import VisibleFaces, project, triangle_areas
 
@@ -129,11 +130,13 @@ def select_views_for_points_job(
         raise TextureError("The cloud must be a table of finite x, y, z with at least one point.")
     check_views(views)
     yield Progress(0.0, "Measuring the cloud's density")
-    spacing = point_spacing(cloud)
+    spacing, splats = point_spacing(cloud), None
+    if method == "depth" and normals is not None:
+        splats = yield from part(measure_splats_job(cloud, normals), 0.0, 0.1)
     table = CandidateTable(len(cloud), min(settings.max_candidates, len(views)))
     for number, view in enumerate(views):
-        yield Progress(0.9 * number / len(views), f"Looking at {view_name(view, number)}")
-        seen = _seen_points(cloud, normals, view, method, spacing, settings)
+        yield Progress(0.1 + 0.8 * number / len(views), f"Looking at {view_name(view, number)}")
+        seen = _seen_points(cloud, normals, view, method, spacing, splats, settings)
         if len(seen):
             photo, scale = read_reduced_photo(view, settings.analysed_pixels)
             samples = sample_photo(photo, scale, seen, settings)
@@ -163,10 +166,11 @@ def _seen_points(
     view: View,
     method: Method,
     spacing: float,
+    splats: Splats | None,
     settings: TextureSettings,
 ) -> VisibleFaces:
     """Points that a photo sees, each as a small triangle on its tangent plane, `spacing` across."""
-    visible = visible_points(cloud, normals, view, method, spacing=spacing)
+    visible = visible_points(cloud, normals, view, method, splats=splats)
     towards = view.centre - cloud
     distance = np.linalg.norm(towards, axis=1)
     facing = towards / np.maximum(distance, 1e-12)[:, None]
@@ -199,10 +203,7 @@ _AREA = 0.75 * np.sqrt(3.0) * 0.25
 
 def _triangles(points: FloatArray, normals: FloatArray, spacing: float) -> FloatArray:
     """Equilateral triangles around points (n,3) on their tangent planes: -> (n,3,3)."""
-    helper = np.where(np.abs(normals[:, 2:]) < 0.8, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
-    right = np.cross(helper, normals)
-    right /= np.linalg.norm(right, axis=1, keepdims=True)
-    up = np.cross(normals, right)
+    right, up = tangents(normals)
     angle = 2 * np.pi * np.arange(3) / 3
     offset = np.cos(angle)[:, None] * right[:, None] + np.sin(angle)[:, None] * up[:, None]
     corners: FloatArray = points[:, None] + 0.5 * spacing * offset

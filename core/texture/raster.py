@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -28,25 +29,48 @@ class Texels:
 def rasterise(uv: FloatArray, size: int, margin: float = 1.5) -> Texels:
     """Texels of a page (`size` squared) covered by triangles (n,3,2) pixels or within `margin` of them.
 
-    A texel met by several triangles goes to the one it lies deepest in.
+    A texel outside all triangles goes to the one whose edges it is nearest to.
     """
+    lines = _edge_lines(uv)
     face_at = np.full(size * size, -1, dtype=np.int32)
-    depth_at = np.full(size * size, -np.inf, dtype=np.float32)
-    for face, x, y in _boxes(uv, size, margin):
-        depth = _depth(uv[face], np.stack([x, y], axis=1))
-        near = depth >= -margin
-        face, texel, depth = face[near], (y * size + x)[near], depth[near].astype(np.float32)
-        order = np.lexsort((-face, depth))  # the deepest is written last; ties go to the lower face
-        face, texel, depth = face[order], texel[order], depth[order]
-        better = depth > depth_at[texel]
-        # Writes with repeated indices keep the last, which is the deepest.
-        depth_at[texel[better]] = depth[better]
-        face_at[texel[better]] = face[better]
+    for face, texel in _spans(uv, lines, size, min(margin, 0.0)):
+        free = face_at[texel] < 0
+        # Of writes to the same texel the last stays: on a common edge the lower face.
+        face_at[texel[free][::-1]] = face[free][::-1]
+    if margin > 0:
+        _fill_margin(face_at, uv, lines, size, margin)
     texel = np.flatnonzero(face_at >= 0)
     face = face_at[texel].astype(np.int64)
     row, column = (texel // size).astype(np.int32), (texel % size).astype(np.int32)
-    weights = barycentric(uv[face], np.stack([column, row], axis=1).astype(np.float64))
-    return Texels(row, column, face, weights.astype(np.float32))
+    return Texels(row, column, face, _weights(uv, face, column, row))
+
+
+def _fill_margin(face_at: IntArray, uv: FloatArray, lines: FloatArray, size: int, margin: float) -> None:
+    """Give the texels outside all triangles to the nearest one within `margin`."""
+    depth_at = np.where(face_at >= 0, np.float32(np.inf), np.float32(-np.inf))
+    for face, texel in _spans(uv, lines, size, margin):
+        free = depth_at[texel] < np.inf
+        face, texel = face[free], texel[free]
+        place = np.stack([texel % size, texel // size, np.ones(len(texel))], axis=1)
+        depth = np.einsum("nek,nk->ne", lines[face], place).min(axis=1).astype(np.float32)
+        order = np.lexsort((-face, depth))  # the nearest is written last; ties go to the lower face
+        face, texel, depth = face[order], texel[order], depth[order]
+        better = depth > depth_at[texel]
+        depth_at[texel[better]] = depth[better]
+        face_at[texel[better]] = face[better]
+
+
+def _weights(uv: FloatArray, face: IndexArray, column: IntArray, row: IntArray) -> Float32Array:
+    """Weights (n,3) of the corners at texels; as `barycentric`, with what a face needs computed once."""
+    start = uv[:, 0]
+    zero, one, two = (barycentric(uv, start + step) for step in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)))
+    x, y = column - start[face, 0], row - start[face, 1]
+    along = zero, one - zero, two - zero
+    weights = np.empty((len(face), 3), dtype=np.float32)
+    for corner in range(3):
+        base, right, down = (part[face, corner] for part in along)
+        weights[:, corner] = base + right * x + down * y
+    return weights
 
 
 def barycentric(corners: FloatArray, points: FloatArray) -> FloatArray:
@@ -63,27 +87,42 @@ def barycentric(corners: FloatArray, points: FloatArray) -> FloatArray:
     return weights
 
 
-def _boxes(uv: FloatArray, size: int, margin: float) -> Iterator[tuple[IndexArray, IndexArray, IndexArray]]:
-    """Triangle, column and row of every texel in the triangles' bounding boxes, in portions."""
+def _edge_lines(uv: FloatArray) -> FloatArray:
+    """Lines (n,3,3) of the triangles' edges: `a x + b y + c` is the distance (pixels) inside of each."""
+    edge = np.roll(uv, -1, axis=1) - uv
+    length = np.maximum(np.hypot(edge[..., 0], edge[..., 1]), 1e-12)
+    area = edge[:, 0, 0] * edge[:, 1, 1] - edge[:, 0, 1] * edge[:, 1, 0]
+    inward = np.where(area < 0, -1.0, 1.0)[:, None] / length
+    a, b = -edge[..., 1] * inward, edge[..., 0] * inward
+    return np.stack([a, b, -a * uv[..., 0] - b * uv[..., 1]], axis=-1)
+
+
+def _spans(
+    uv: FloatArray, lines: FloatArray, size: int, margin: float
+) -> Iterator[tuple[IndexArray, IndexArray]]:
+    """Triangle and texel number of everything within `margin` of the edges' lines, in portions."""
     low = np.clip(np.floor(uv.min(axis=1) - margin), 0, size - 1).astype(np.int64)
     high = np.clip(np.ceil(uv.max(axis=1) + margin), 0, size - 1).astype(np.int64)
-    extent = high - low + 1
-    count = extent[:, 0] * extent[:, 1]
-    portion = np.cumsum(count) // _SAMPLES
-    for number in np.unique(portion):
-        chosen = np.flatnonzero(portion == number)
-        face = np.repeat(chosen, count[chosen])
-        start = np.repeat(np.cumsum(count[chosen]) - count[chosen], count[chosen])
-        inner = np.arange(len(face)) - start
-        yield face, low[face, 0] + inner % extent[face, 0], low[face, 1] + inner // extent[face, 0]
+    extent = np.maximum(high - low + 1, 0)
+    portion = np.cumsum(extent.prod(axis=1)) // _SAMPLES
+    bounds = np.searchsorted(portion, np.arange(portion[-1] + 2 if len(portion) else 1))
+    for begin, end in pairwise(bounds.tolist()):
+        face, inner = _runs(extent[begin:end, 1])
+        face += begin
+        y = low[face, 1] + inner
+        first, last = low[face, 0].astype(np.float64), high[face, 0].astype(np.float64)
+        for a, b, c in np.moveaxis(lines, 1, 0)[:, face].transpose(0, 2, 1):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                bound = -(b * y + c + margin) / a
+            slanted = np.abs(a) > 1e-9
+            first = np.where(slanted & (a > 0), np.maximum(first, np.ceil(bound - 1e-9)), first)
+            last = np.where(slanted & (a < 0), np.minimum(last, np.floor(bound + 1e-9)), last)
+            last = np.where(slanted | (b * y + c >= -margin - 1e-9), last, -1.0)
+        span, inner = _runs(np.maximum(last - first + 1, 0).astype(np.int64))
+        yield face[span], (y[span] * size + first[span].astype(np.int64) + inner)
 
 
-def _depth(corners: FloatArray, points: FloatArray) -> FloatArray:
-    """Signed distance (pixels) of points (n,2) inside their triangles (n,3,2): smallest over the edges."""
-    edge = np.roll(corners, -1, axis=1) - corners
-    length = np.maximum(np.hypot(edge[..., 0], edge[..., 1]), 1e-12)
-    to = points[:, None] - corners
-    side = (edge[..., 0] * to[..., 1] - edge[..., 1] * to[..., 0]) / length
-    area = edge[:, 0, 0] * edge[:, 1, 1] - edge[:, 0, 1] * edge[:, 1, 0]
-    depth: FloatArray = np.where(area[:, None] < 0, -side, side).min(axis=1)
-    return depth
+def _runs(count: IndexArray) -> tuple[IndexArray, IndexArray]:
+    """Number of the run that each of sum(count) items belongs to, and its place in the run."""
+    run = np.repeat(np.arange(len(count)), count)
+    return run, np.arange(len(run)) - np.repeat(np.cumsum(count) - count, count)

@@ -7,6 +7,7 @@ from fresco.core.errors import TextureError
 from fresco.core.geometry.rays import RayCaster
 from fresco.core.photos import View
 from fresco.core.texture.cloud import visible_points
+from fresco.core.texture.splats import measure_splats, tangents
 from painted_scenes import box_mesh, grid_mesh, join, look_at
 
 ROOM = join(
@@ -53,6 +54,51 @@ def test_depth_buffer_agrees_with_rays(view):
     assert (found & expected).sum() / expected.sum() >= 0.99
 
 
+def test_an_uneven_cloud_agrees_with_rays():
+    """Four times as dense on one side as on the other."""
+    points, normals = sampled(160_000, seed=3)
+    share = np.clip((points[:, 0] + 4) / 8, 0.25, 1)
+    kept = np.random.default_rng(4).random(len(points)) < share
+    points, normals = points[kept], normals[kept]
+    view = perspective((1.9, 0.2, -3.5))
+    expected, found = truth(points, normals, view), visible_points(points, normals, view)
+    assert (found & expected).sum() / found.sum() >= 0.99
+    assert (found & expected).sum() / expected.sum() >= 0.99
+
+
+def test_a_splat_does_not_overhang_the_rim_of_a_sheet():
+    """A sheet before a wall, and a point of the wall just beside what the sheet hides."""
+    x, y = np.meshgrid(np.arange(-20, 21) * 0.02, np.arange(-20, 21) * 0.02)
+    sheet = np.stack([x.ravel(), y.ravel(), np.full(x.size, -1.0)], axis=1)
+    rim = 0.4 / 5 * 6  # where rays from (0, 0, -6) past the sheet's last points meet the wall at z = 0
+    wall = np.array([[rim - 0.02, 0.0, 0.0], [rim + 0.025, 0.0, 0.0], [0.0, rim - 0.02, 0.0]])
+    points = np.concatenate([sheet, wall])
+    normals = np.tile([0.0, 0.0, -1.0], (len(points), 1))
+    assert visible_points(points, normals, perspective((0, 0, -6)))[-3:].tolist() == [False, True, False]
+
+
+def test_bend_is_the_curvature_and_doubles_do_not_matter():
+    """Points on a cylinder of 0.5 m about the y axis, every one of them twice."""
+    angle, y = np.meshgrid(np.arange(-1.2, 1.2, 0.04), np.arange(-1, 1, 0.02))
+    normals = np.stack([np.sin(angle).ravel(), 0 * y.ravel(), -np.cos(angle).ravel()], axis=1)
+    points = 0.5 * normals + np.stack([0 * y.ravel(), y.ravel(), 0 * y.ravel()], axis=1)
+    inner = (np.abs(angle.ravel()) < 1) & (np.abs(y.ravel()) < 0.9)
+    splats = measure_splats(points, normals)
+    first, second = tangents(normals)
+    for tangent, bend in ((first, splats.bend[:, 0]), (second, splats.bend[:, 2])):
+        around = np.where(np.abs(tangent[inner, 1]) < 0.5, 2.0, 0.0)
+        np.testing.assert_allclose(bend[inner], around, atol=0.02)
+    doubled = measure_splats(np.repeat(points, 2, axis=0), np.repeat(normals, 2, axis=0))
+    assert np.median(doubled.reach[::2][inner] / splats.reach[inner]) > 0.8
+
+
+def test_few_points_see_one_another():
+    for count in (1, 2, 3):
+        points = np.array([[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]])[:count]
+        normals = np.tile([0.0, 0, -1], (count, 1))
+        assert visible_points(points, normals, perspective((0, 0, -6))).all()
+
+
 def test_a_pillar_close_to_the_camera_has_no_holes():
     points, normals = sampled(60_000)
     view = perspective((-1.6, 1.0, -2.35))  # half a metre before the first pillar, which fills the frame
@@ -93,6 +139,6 @@ def test_coordinates_far_from_the_origin_do_not_matter():
     shift = np.array([5e6, -3e6, 100.0])
     view = perspective()
     far = View(view.camera, view.rotation, view.translation - view.rotation @ shift, view.image)
-    a = visible_points(points, normals, view, spacing=0.03)
-    b = visible_points(points + shift, normals, far, spacing=0.03)
+    a = visible_points(points, normals, view)
+    b = visible_points(points + shift, normals, far)
     assert np.mean(a == b) > 0.999
