@@ -39,8 +39,8 @@ class RegionSettings:
     least_support: float = 0.3
     """Smallest share of a frame's side that an edge of the photo has to cover."""
 
-    line_limit: int = 140
-    """Straight edges around a click that are combined to frames; time grows with the third power."""
+    line_limit: int = 100
+    """Straight edges around a click that may be the long sides of a frame."""
 
     level_count: int = 40
     """Frames of different size that dragging can choose from."""
@@ -266,10 +266,7 @@ class EdgeSettings:
     """One camera pose by the edges of the scan."""
 
     photo_size: int = 1600
-    """Longer side (pixels) of the finest of three image levels, each half as large as the next.
-
-    It is smaller where a pixel would be finer than the scan's triangles: a scan holds no finer edges.
-    """
+    """Longer side (pixels) of the finer of the two sizes at which edges are aligned, one half the other."""
 
     search: float = 8.0
     """Distance (pixels of a level) along its normal in which an edge of the scan looks for the photo's."""
@@ -289,17 +286,11 @@ class EdgeSettings:
     min_share: float = 0.5
     """Smallest share of the scan's visible edges that must have a partner in the photo."""
 
-    rotation_sigma: float = 0.2
+    rotation_sigma: float = 1.0
     """Standard deviation (degrees, per axis) of a starting pose that comes without covariance."""
 
-    centre_sigma: float = 0.015
+    centre_sigma: float = 0.1
     """Standard deviation (m, per axis) of a starting camera centre that comes without covariance."""
-
-    far_rotation_sigma: float = 0.6
-    """The same (degrees) where the edges lead farther: then other starts must come to the same pose."""
-
-    far_centre_sigma: float = 0.06
-    """The same (m) where the edges lead farther."""
 
     min_score: float = 1.1
     """Smallest edge agreement (1: none) at which a pose is believed."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,8 @@ from ..cameras.files.dictionary import camera_to_dict
 from ..jobs import Job, Progress, drain, part
 from ..photos.photo import Photo
 from ..photos.view import View
-from ..pose.edges import EdgePose, refine_pose_by_edges_job
+from ..pose.edges import EdgePose, refine_pose_on_scan_job
+from ..pose.edges.rendering import Scan as EdgeScan
 from ..pose.joint import JointPose, LensFit, TieResiduals, refine_poses_jointly_job
 from ..pose.pose import Pose
 from ..scans.scan import Scan
@@ -69,9 +71,14 @@ def refine_poses_job(
     free = [number for number in placed if poses[number].photo not in held]
     end = 0.5 if settings.joint is not None else 1.0
     if settings.edges is not None:
+
+        @cache
+        def ready() -> EdgeScan:
+            return EdgeScan.centred(scan.vertices, scan.faces, scan_colours(scan))
+
         for count, number in enumerate(free):
             photo = photos[number]
-            job = _edges_job(scan, mesh, photo, found[number], settings.edges, store)
+            job = _edges_job(ready, mesh, photo, found[number], settings.edges, store)
             span = end * count / len(free), end * (count + 1) / len(free)
             found[number] = yield from part(job, *span, f"{photo.name}: ")
     if settings.joint is not None and free and len(placed) > 1:
@@ -94,16 +101,21 @@ def view_of(photo: Photo, result: PhotoPose, held: bool = False) -> View:
 
 
 def _edges_job(
-    scan: Scan, mesh: str, photo: Photo, result: PhotoPose, settings: EdgeSettings, store: Store
+    ready: Callable[[], EdgeScan],
+    mesh: str,
+    photo: Photo,
+    result: PhotoPose,
+    settings: EdgeSettings,
+    store: Store,
 ) -> Job[PhotoPose]:
+    """Refine one photo on the scan that `ready` prepares once for all photos, when the first one needs it."""
     view = view_of(photo, result)
     yield Progress(0.0, "Looking for a finished refinement")
     key = "" if store.folder is None else digest(code_digest(), mesh, view_key(view), settings)
     saved = store.load(f"edges {photo.name}", key)
     if saved is not None:
         return _taken_over(result, saved)
-    job = refine_pose_by_edges_job(view, scan.vertices, scan.faces, scan_colours(scan), settings)
-    pose: EdgePose = yield from job
+    pose: EdgePose = yield from refine_pose_on_scan_job(view, ready(), settings)
     step = _stepped(result, pose, "edges", (pose.score_before, pose.score_after), pose.edges, pose.note)
     store.save(f"edges {photo.name}", key, pose_to_dict(step))
     return step

@@ -5,28 +5,27 @@ Each note is empty or says in a sentence why the pose was kept.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.stats import chi2
 
 from ...arrays import BoolArray, FloatArray
 from ...geometry.rigid import log_so3
 from ...settings import EdgeSettings
-from ..points.perturbation import camera_points, invert_scaled
-from ..pose import Pose
+from ..points.perturbation import invert_scaled
 from .alignment import CELLS, Alignment, Photo, PosePrior, align_edges
+from .patches import shift_sigma
 from .scan_edges import ScanEdges
 
 UNLIKELY = float(chi2.ppf(0.999, 6))
 """Squared Mahalanobis distance of a pose that one right pose in a thousand exceeds."""
 
-LIKELY = float(chi2.ppf(0.9, 6))
-"""Squared Mahalanobis distance that one right pose in ten exceeds."""
+RIVAL = 0.85
+"""Share of the best fit from which another pose makes a search ambiguous."""
 
 CONTRADICTION = 16.0
 """Halves that are four standard deviations apart in every direction contradict each other."""
-
-CHANCE = UNLIKELY / 6
-"""Disagreement of halves that chance alone hardly makes."""
 
 
 def few_edges(alignment: Alignment, settings: EdgeSettings) -> str:
@@ -62,12 +61,6 @@ def no_agreement(before: float, after: float, settings: EdgeSettings) -> str:
     return ""
 
 
-def likely_move(pose: Pose, origin: FloatArray, prior: PosePrior) -> bool:
-    """Whether the way from the start to a pose is no longer than nine starts in ten need."""
-    step = pose_difference(pose.rotation, pose.centre - origin, prior.rotation, prior.centre)
-    return float(step @ invert_scaled(prior.covariance) @ step) <= LIKELY
-
-
 def far_move(alignment: Alignment, prior: PosePrior) -> str:
     """Note when the way from the start is longer than the start's own covariance makes likely."""
     step = pose_difference(alignment.rotation, alignment.centre, prior.rotation, prior.centre)
@@ -80,14 +73,19 @@ def far_move(alignment: Alignment, prior: PosePrior) -> str:
     )
 
 
-def halves_apart(disagreement: float, shift: float, reach: float) -> str:
-    """Note when two halves of the photo contradict each other (see `disagreement_of_halves`).
+def ambiguous(rival: float) -> str:
+    """Note when another pose fits nearly as well: `rival` is its share of the best fit."""
+    if rival <= RIVAL:
+        return ""
+    return (
+        f"Another pose near the start fits {rival:.0%} as well (in a row of like windows the neighbour does)"
+        ": the pose was kept. Refine it by points or together with other photos."
+    )
 
-    Within `reach` (px) of the first matching the right edges were among the candidates and a disagreement
-    widens the covariance. After a longer `shift` (px, see `image_shift`) a disagreement beyond chance may as
-    well be the neighbour of the right edge: a row of like columns has many.
-    """
-    if disagreement <= (CONTRADICTION if shift <= reach else CHANCE):
+
+def halves_apart(disagreement: float) -> str:
+    """Note when two halves of the photo contradict each other (see `disagreement_of_halves`)."""
+    if disagreement <= CONTRADICTION:
         return ""
     return (
         "Two halves of the photo lead to different poses, "
@@ -103,27 +101,18 @@ def pose_difference(
     return np.concatenate([log_so3(rotation @ from_rotation.T), centre - from_centre])
 
 
-def image_shift(photo: Photo, edges: ScanEdges, alignment: Alignment, prior: PosePrior) -> float:
-    """Median way (px) of the edges in the photo between the start and the result; infinite when not seen."""
-    ways = [
-        photo.camera.project(camera_points(pose.rotation, pose.centre, edges.points))
-        for pose in (alignment, prior)
-    ]
-    way = np.linalg.norm(ways[1] - ways[0], axis=1)
-    seen = np.isfinite(way)
-    return float(np.median(way[seen])) if seen.any() else float("inf")
-
-
 def disagreement_of_halves(
     photo: Photo, edges: ScanEdges, alignment: Alignment, prior: PosePrior, widths: tuple[float, ...]
 ) -> float:
     """Squared difference of the poses of two halves of the photo over what it should be; 1 when all is well.
 
     The photo is cut once upright, once level, where half of the edges are on either side; the worse cut
-    counts. Each half starts at the result and is held there as loosely as the start was known, so that a
-    half that cannot hold a pose alone does not drift.
+    counts. Each half starts at the result and is held there, in the way the start was known but so that
+    edges move by half the reach of the matching: a half that cannot hold a pose alone does not drift.
     """
-    held = PosePrior(alignment.rotation, alignment.centre, prior.covariance)
+    result = PosePrior(alignment.rotation, alignment.centre, prior.covariance)
+    loose = shift_sigma(photo, edges, result) / (photo.search / 2)
+    held = replace(result, covariance=prior.covariance / max(loose, 1.0) ** 2)
     first = (edges.pixels <= np.median(edges.pixels, axis=0)).T
     return max(_disagreement(photo, edges, half, held, widths) for half in first)
 

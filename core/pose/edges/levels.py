@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...cameras.resolution import angular_resolution
 from ...photos.view import View
 from ...settings import EdgeSettings
 from ..points.pictures import read_view, read_view_mask
-from .alignment import Photo, PosePrior
+from .alignment import Photo
 from .photo_edges import photo_edge_field
 from .rendering import Scan
 from .scan_edges import ScanEdges
 
-COARSEST = 480.0
-"""Longer side (pixels) below which the finest level is not reduced, however coarse the scan is."""
-
+TILES = 32
+"""The longer side of a photo is cut into so many tiles that either take part in the fit or do not."""
 
 ROUGH = 10.0
 """Angle (degrees) between faces and averaged normals at which a scan counts as noisy."""
@@ -28,33 +26,17 @@ def photo_at(view: View, scale: float, scan: Scan, settings: EdgeSettings) -> Ph
     return Photo(view.camera.scaled(scale), field, settings.search, float(doubt))
 
 
-def triangle_size(view: View, prior: PosePrior, scan: Scan) -> float:
-    """Median side of the scan's triangles as seen from the pose, in pixels of the full photo."""
-    camera = view.camera
-    columns, rows = np.linspace(0, camera.width - 1, 48), np.linspace(0, camera.height - 1, 48)
-    pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
-    hits = scan.caster.first_hit(prior.centre, camera.unproject(pixels) @ prior.rotation)
-    struck = hits.face >= 0
-    if not struck.any():
-        return 1.0
-    corners = scan.vertices[scan.faces[hits.face[struck]]]
-    side = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
-    return float(np.nanmedian(side / hits.distance[struck] / angular_resolution(camera, pixels[struck])))
-
-
-def finest_scale(view: View, prior: PosePrior, scan: Scan, settings: EdgeSettings) -> float:
-    """Largest image scale that makes sense: pixels not finer than the scan's triangles."""
-    triangle = triangle_size(view, prior, scan)
-    largest = max(view.camera.width, view.camera.height)
-    scale = min(1.0, settings.photo_size / largest)
-    return float(np.clip(1.0 / triangle, min(COARSEST / largest, scale), scale))
+def finest_scale(view: View, settings: EdgeSettings) -> float:
+    """Image scale of the finest level; a pixel may be smaller than a triangle, as creases are sharp."""
+    return min(1.0, settings.photo_size / max(view.camera.width, view.camera.height))
 
 
 def divided_edges(
-    edges: ScanEdges, settings: EdgeSettings, rng: np.random.Generator
+    photo: Photo, edges: ScanEdges, settings: EdgeSettings, rng: np.random.Generator
 ) -> tuple[ScanEdges, ScanEdges]:
-    """Edges for the fit and those held back for the score: one tile of 32 pixels in four."""
-    tile = (edges.pixels // 32).astype(np.int64)
+    """Edges for the fit and those held back for the score: one tile in four, the same ones at all levels."""
+    side = max(photo.camera.width, photo.camera.height) / TILES
+    tile = (edges.pixels // side).astype(np.int64)
     held = (tile[:, 0] + 2 * tile[:, 1]) % 4 == 0
     return _at_most(edges.select(~held), settings.max_edges, rng), _at_most(
         edges.select(held), settings.max_edges, rng

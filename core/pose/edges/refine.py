@@ -12,19 +12,14 @@ from ...photos.view import View
 from ...settings import EdgeSettings
 from ..pose import Pose
 from .alignment import Alignment, Photo, PosePrior, align_edges, edge_agreement
-from .checks import (
-    disagreement_of_halves,
-    far_move,
-    few_edges,
-    halves_apart,
-    image_shift,
-    likely_move,
-    no_agreement,
-)
+from .checks import ambiguous, disagreement_of_halves, far_move, few_edges, halves_apart, no_agreement
 from .levels import divided_edges, finest_scale, photo_at
 from .rendering import Scan
-from .scan_edges import find_scan_edges
+from .scan_edges import ScanEdges, find_scan_edges
 from .search import Start, search_start_job
+
+WIDTHS = (2.0, 1.0)
+"""Widths (px) of the matching in a round, the finer one last."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +52,14 @@ def refine_pose_by_edges(
     """Pose of a photo, moved until the edges of the scan fall on those of the photo.
 
     vertices (V,3) m, world; faces (F,3); vertex_colors (V,3) or intensities (V,), bytes or 0 to 1: their
-    edges are used as well. The pose is kept, and `note` says why, where edges are few, crowded or agree no
-    better than before, where it would move further than `view.covariance` (without one: the settings) makes
-    likely, and where two halves of the photo contradict each other; a small contradiction widens the
-    covariance. Raises `PhotoError` for a photo that cannot be read. Source: method.md 2.6.
+    edges are used as well. All poses within `view.covariance` (without one: the settings) are searched. The
+    pose is kept, and `note` says why, where another pose explains the edges nearly as well, where edges are
+    few, crowded or agree no better than before, where it would move further than the covariance makes likely,
+    and where two halves of the photo contradict each other; a small contradiction widens the covariance.
+    Raises `PhotoError` for a photo that cannot be read. Source: method.md 2.6.
     """
-    return drain(refine_pose_by_edges_job(view, vertices, faces, vertex_colors, settings))
+    scan = Scan.centred(vertices, faces, vertex_colors)
+    return drain(refine_pose_on_scan_job(view, scan, settings))
 
 
 def refine_pose_by_edges_job(
@@ -73,109 +70,68 @@ def refine_pose_by_edges_job(
     settings: EdgeSettings | None = None,
 ) -> Job[EdgePose]:
     """Job of `refine_pose_by_edges`."""
-    settings = settings or EdgeSettings()
     yield Progress(0.0, "Preparing the scan")
-    points = np.asarray(vertices, dtype=np.float64)
-    # relative to the scan's middle: world coordinates may be millions of metres
-    origin = points.mean(axis=0) if len(points) else np.zeros(3)
-    scan = Scan.of_mesh(points - origin, faces, vertex_colors)
-    case = _Case(view, origin, scan, settings)
-    prior = _prior(view, origin, settings.rotation_sigma, settings.centre_sigma)
-    pose = yield from part(_refined_job(case, prior, None), 0.1, 0.5)
-    if pose.refined and (view.covariance is not None or likely_move(pose, origin, prior)):
-        return pose
-    # where nobody said how rough the start is, it seems to be rougher than usual
-    rough = _prior(view, origin, settings.far_rotation_sigma, settings.far_centre_sigma)
-    start = yield from part(search_start_job(view, scan, rough, settings), 0.5, 0.8)
-    if start is None:
-        return pose
-    farther = yield from part(_refined_job(case, rough, start), 0.8, 1.0)
-    return farther if farther.refined and farther.score_after > pose.score_after else pose
+    scan = Scan.centred(vertices, faces, vertex_colors)
+    return (yield from part(refine_pose_on_scan_job(view, scan, settings), 0.1, 1.0))
+
+
+def refine_pose_on_scan_job(view: View, scan: Scan, settings: EdgeSettings | None = None) -> Job[EdgePose]:
+    """`refine_pose_by_edges` on a scan that was made ready once for many photos, see `Scan.centred`."""
+    settings = settings or EdgeSettings()
+    prior = _prior(view, scan.origin, settings)
+    start = yield from part(search_start_job(view, scan, prior, settings), 0.0, 0.3)
+    rotation, centre = start.rotation, start.centre
+    finest = finest_scale(view, settings)
+    levels = []
+    rng = np.random.default_rng(settings.seed)
+    for number, scale in enumerate((finest / 2, finest)):
+        yield Progress(0.3 + 0.25 * number, f"Aligning edges at {scale:.0%} of the photo")
+        photo = photo_at(view, scale, scan, settings)
+        edges = find_scan_edges(photo.camera, rotation, centre, scan, settings)
+        fit, _ = divided_edges(photo, edges, settings, rng)
+        alignment = align_edges(photo, fit, rotation, centre, prior, WIDTHS)
+        rotation, centre = alignment.rotation, alignment.centre
+        levels.append(photo)
+    yield Progress(0.8, "Comparing with the pose before")
+    return _decide(_Case(view, scan, settings, prior, start), levels, fit, alignment)
 
 
 @dataclass(frozen=True, eq=False)
 class _Case:
-    """What is refined: a photo against a scan whose coordinates are relative to `origin` (3,) m."""
+    """A photo and a scan, the pose before with its covariance, and where the search led."""
 
     view: View
-    origin: FloatArray
     scan: Scan
     settings: EdgeSettings
+    prior: PosePrior
+    start: Start
 
 
-def _refined_job(case: _Case, prior: PosePrior, start: Start | None) -> Job[EdgePose]:
-    """Align from the prior's pose, or from a `start` that a search found, and decide."""
-    scan, settings = case.scan, case.settings
-    rotation, centre = (start or prior).rotation, (start or prior).centre
-    rng = np.random.default_rng(settings.seed)
-    rounds = _rounds(finest_scale(case.view, prior, scan, settings), start is not None, settings)
-    alignment, photo, last_scale = None, None, 0.0
-    for number, (scale, widths) in enumerate(rounds):
-        yield Progress(0.8 * number / len(rounds), f"Aligning edges at {scale:.0%} of the photo")
-        if photo is None or scale != last_scale:
-            photo, last_scale = photo_at(case.view, scale, scan, settings), scale
-        edges = find_scan_edges(photo.camera, rotation, centre, scan, settings)
-        fit, _ = divided_edges(edges, settings, rng)
-        alignment = align_edges(photo, fit, rotation, centre, prior, widths)
-        rotation, centre = alignment.rotation, alignment.centre
-    yield Progress(0.9, "Comparing with the pose before")
-    assert photo is not None and alignment is not None
-    return _decide(case, photo, prior, alignment, start)
-
-
-def _rounds(finest: float, near: bool, settings: EdgeSettings) -> list[tuple[float, tuple[float, ...]]]:
-    """Image scale and matching widths (px) of each round; the scan is rendered anew in each.
-
-    A start that is `near` already, from a search, needs no coarse ones.
-    """
-    wide, narrow = (settings.search / 2, 2.0), (2.0, 1.0)
-    coarse = [
-        (finest / 4, wide),
-        (finest / 4, narrow),
-        (finest / 2, narrow),
-    ]
-    fine = [(finest / 2, narrow), (finest, narrow), (finest, (1.0,))]
-    return fine if near else coarse + fine
-
-
-def _prior(view: View, origin: FloatArray, degrees: float, metres: float) -> PosePrior:
+def _prior(view: View, origin: FloatArray, settings: EdgeSettings) -> PosePrior:
     """The starting pose with its covariance; without one, standard deviations per axis."""
     covariance = view.covariance
     if covariance is None:
-        sigma = np.repeat([np.radians(degrees), metres], 3)
+        sigma = np.repeat([np.radians(settings.rotation_sigma), settings.centre_sigma], 3)
         covariance = np.diag(sigma**2)
     return PosePrior(view.rotation, view.centre - origin, covariance)
 
 
-def _decide(
-    case: _Case, photo: Photo, prior: PosePrior, alignment: Alignment, start: Start | None
-) -> EdgePose:
+def _decide(case: _Case, levels: list[Photo], fit: ScanEdges, alignment: Alignment) -> EdgePose:
     """The refined pose, its covariance widened by the checks, or the old one where the evidence is thin."""
-    view, settings = case.view, case.settings
-    poses = [(prior.rotation, prior.centre), (alignment.rotation, alignment.centre)]
-    rng = np.random.default_rng(settings.seed)
-    # both poses are judged by the edges seen from either
-    seen = [
-        divided_edges(find_scan_edges(photo.camera, *pose, case.scan, settings), settings, rng)
-        for pose in poses
-    ]
-    before, after = (float(np.mean([edge_agreement(photo, held, *p) for _, held in seen])) for p in poses)
+    view, settings, prior = case.view, case.settings, case.prior
+    before, after = _agreements(case, levels[0], alignment)
     note = (
-        few_edges(alignment, settings) or no_agreement(before, after, settings) or far_move(alignment, prior)
+        few_edges(alignment, settings)
+        or ambiguous(case.start.rival)
+        or no_agreement(before, after, settings)
+        or far_move(alignment, prior)
     )
     if not note:
-        widths = (settings.search / 2, 2.0, 1.0)
-        fit = seen[1][0]
-        disagreement = disagreement_of_halves(photo, fit, alignment, prior, widths)
-        # the first round matches at a quarter of this level, half of the search wide
-        reach = 4 * settings.search / 2
-        if start is not None:
-            # a wrong edge is not what all starts agree on and what the photo shows clearly
-            reach = np.inf if start.unanimous and after >= settings.strong_score else 0.0
-        note = halves_apart(disagreement, image_shift(photo, fit, alignment, prior), reach)
+        disagreement = disagreement_of_halves(levels[-1], fit, alignment, prior, WIDTHS)
+        note = halves_apart(disagreement)
     if note:
         return EdgePose(view.rotation, view.translation, prior.covariance, before, before, 0, note)
-    centre = alignment.centre + case.origin
+    centre = alignment.centre + case.scan.origin
     return EdgePose(
         alignment.rotation,
         -alignment.rotation @ centre,
@@ -185,3 +141,17 @@ def _decide(
         alignment.matched,
         "",
     )
+
+
+def _agreements(case: _Case, photo: Photo, alignment: Alignment) -> tuple[float, float]:
+    """Agreement of the pose before and after with edges that took no part; both judged by those of either."""
+    poses = [(case.prior.rotation, case.prior.centre), (alignment.rotation, alignment.centre)]
+    rng = np.random.default_rng(case.settings.seed)
+    held = [
+        divided_edges(
+            photo, find_scan_edges(photo.camera, *pose, case.scan, case.settings), case.settings, rng
+        )[1]
+        for pose in poses
+    ]
+    before, after = (float(np.mean([edge_agreement(photo, edges, *p) for edges in held])) for p in poses)
+    return before, after

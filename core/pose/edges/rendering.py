@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ class Scan:
 
     `normals`: unit normals at the corners of the faces (F,3,3), averaged over neighbours, where the scan is
     noisy, else one per face (F,1,3). `noise`: median angle (rad) between a face and its vertices' normals.
+    `origin` (3,) m: what has to be added to the vertices.
     """
 
     vertices: FloatArray
@@ -33,6 +34,14 @@ class Scan:
     colors: FloatArray | None
     caster: RayCaster
     noise: float
+    origin: FloatArray
+
+    @classmethod
+    def centred(cls, vertices: ArrayLike, faces: ArrayLike, colors: ArrayLike | None = None) -> Scan:
+        """Prepare a mesh relative to its middle, `origin`: world coordinates may be millions of metres."""
+        points = np.asarray(vertices, dtype=np.float64)
+        origin = points.mean(axis=0) if len(points) else np.zeros(3)
+        return replace(cls.of_mesh(points - origin, faces, colors), origin=origin)
 
     @classmethod
     def of_mesh(cls, vertices: FloatArray, faces: ArrayLike, colors: ArrayLike | None = None) -> Scan:
@@ -46,7 +55,8 @@ class Scan:
         noisy = noise > SMOOTH
         corner_normals = averaged_normals(normals, triangles, rounds=3)[triangles] if noisy else flat[:, None]
         values = None if colors is None else _color_values(np.asarray(colors), len(vertices))
-        return cls(vertices, triangles, corner_normals, values, RayCaster(vertices, triangles), noise)
+        caster = RayCaster(vertices, triangles)
+        return cls(vertices, triangles, corner_normals, values, caster, noise, np.zeros(3))
 
 
 def _color_values(colors: AnyArray, count: int) -> FloatArray:
@@ -98,13 +108,15 @@ def _cast(
     colors = np.zeros((len(rays), 0 if scan.colors is None else scan.colors.shape[1]))
     if len(struck):
         corners = scan.faces[hits.face[struck]]
-        points = centre + distance[struck, None] * directions[struck]
-        share = barycentric(points, scan.vertices[corners])
-        blended = (share[:, :, None] * scan.normals[hits.face[struck]]).sum(axis=1)
-        blended /= np.maximum(np.linalg.norm(blended, axis=1, keepdims=True), 1e-12)
-        away = np.einsum("nk,nk->n", blended, directions[struck]) > 0
-        blended[away] *= -1
-        normals[struck] = blended @ rotation.T
+        normal = scan.normals[hits.face[struck], 0]
+        if scan.normals.shape[1] > 1 or scan.colors is not None:
+            points = centre + distance[struck, None] * directions[struck]
+            share = barycentric(points, scan.vertices[corners])
+        if scan.normals.shape[1] > 1:
+            normal = np.einsum("nc,nck->nk", share, scan.normals[hits.face[struck]])
+            normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+        away = np.einsum("nk,nk->n", normal, directions[struck]) > 0
+        normals[struck] = np.where(away[:, None], -normal, normal) @ rotation.T
         if scan.colors is not None:
             colors[struck] = np.einsum("nc,nck->nk", share, scan.colors[corners])
     return (hits.face >= 0).astype(np.float64), distance, normals, colors

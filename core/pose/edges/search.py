@@ -1,4 +1,4 @@
-"""A search around a start that is rougher than usual: several starts, and the pose that stands out."""
+"""A search over all poses that the start may stand for: patches of edges vote, rivals are told."""
 
 from __future__ import annotations
 
@@ -7,91 +7,113 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...arrays import FloatArray
-from ...geometry.rigid import exp_so3
 from ...jobs import Job, Progress
 from ...photos.view import View
 from ...settings import EdgeSettings
-from ..points.perturbation import camera_points
-from .alignment import Photo, PosePrior, align_edges, edge_agreement
-from .levels import divided_edges, finest_scale, photo_at
+from ..points.perturbation import step_pose
+from .alignment import Photo, PosePrior
+from .levels import finest_scale, photo_at
+from .patches import PatchMaps, patch_maps, shift_sigma
 from .rendering import Scan
 from .scan_edges import ScanEdges, find_scan_edges
 
-TURNS = ((0.0, 0.0), (1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))
-"""Turns of the starts about the camera's x and y axes, in standard deviations of the rotation."""
+SIZE = 400.0
+"""Longer side (px) at which the photo is looked at first."""
 
-SAME = 3.0
-"""Poses whose edges lie within so many pixels of the search's level are one."""
+REACH = 32
+"""Shift (px) that three deviations of the start should make: the photo is searched at the size for it."""
 
-RIVAL = 0.9
-"""Share of the best agreement from which another pose makes the search ambiguous."""
+SMALLEST = 100.0
+"""Longer side (px) below which a photo shows nothing."""
 
-AGREEING = 2
-"""Starts that have to come to the pose that is chosen."""
+SAMPLES = 6000
+"""Poses tried, drawn from the start's covariance."""
 
+WIDER = 1.2
+"""Samples are spread by so much more than the start's covariance."""
 
-@dataclass(frozen=True, eq=False)
-class _Candidate:
-    """Where one start led: its pose, its edges there and how well those held back agree."""
+APART = 4.0
+"""Root mean square shift (px) of patches from which two poses are different ones."""
 
-    rotation: FloatArray
-    centre: FloatArray
-    edges: ScanEdges
-    score: float
+PLACES = 8
+"""Most different poses that are followed up."""
 
-    def apart(self, other: _Candidate, photo: Photo) -> float:
-        """Median distance (px) between the edges of both poses; infinite where they are not seen."""
-        points = self.edges.points
-        one, two = (photo.camera.project(camera_points(c.rotation, c.centre, points)) for c in (self, other))
-        way = np.linalg.norm(photo.camera.unwrapped(two, one) - one, axis=1)
-        seen = np.isfinite(way)
-        return float(np.median(way[seen])) if seen.any() else float("inf")
+SHRINKING = (0.4, 0.2, 0.1, 0.05, 0.025)
+"""Spread of the samples around a pose that is followed up, as a share of the start's."""
 
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A pose found by a search: rotation (3,3), centre (3,) m; `unanimous`: every start led to it."""
+    """The pose whose patches fit best: rotation (3,3), centre (3,) m.
+
+    `rival`: how well the best of the different poses fits, as a share.
+    """
 
     rotation: FloatArray
     centre: FloatArray
-    unanimous: bool
+    rival: float
 
 
-def search_start_job(view: View, scan: Scan, prior: PosePrior, settings: EdgeSettings) -> Job[Start | None]:
-    """Pose near the prior's to which several starts lead and whose edges agree best.
+def search_start_job(view: View, scan: Scan, prior: PosePrior, settings: EdgeSettings) -> Job[Start]:
+    """Pose within the prior's covariance to which most patches of the scan's edges shift.
 
-    None where no two starts agree, or where another pose explains the edges nearly as well: in a row of like
-    windows a neighbour does.
+    Without any edges it is the prior's. Source: likelihood of template maps summed over a rigid set of
+    patches, as in pictorial structures (Fischler and Elschlager 1973), sampled from the prior.
     """
-    finest = finest_scale(view, prior, scan, settings)
-    levels = [photo_at(view, finest / 4, scan, settings), photo_at(view, finest / 2, scan, settings)]
-    sigma = np.sqrt(np.trace(prior.covariance[:3, :3]) / 3.0)
-    candidates = []
-    for number, (x, y) in enumerate(TURNS):
-        yield Progress(number / len(TURNS), f"Aligning edges from start {number + 1} of {len(TURNS)}")
-        rotation = exp_so3([x * sigma, y * sigma, 0.0]) @ prior.rotation
-        candidates.append(_followed(levels, scan, rotation, prior, settings))
-    photo = levels[1]
-    best = max(candidates, key=lambda c: c.score)
-    same = [best.apart(c, photo) <= SAME for c in candidates]
-    rivals = [c.score for c, is_same in zip(candidates, same, strict=True) if not is_same]
-    if sum(same) < AGREEING or max(rivals, default=0.0) > RIVAL * best.score:
-        return None
-    return Start(best.rotation, best.centre, all(same))
-
-
-def _followed(
-    levels: list[Photo], scan: Scan, rotation: FloatArray, prior: PosePrior, settings: EdgeSettings
-) -> _Candidate:
-    """Follow one start through the coarse levels."""
+    yield Progress(0.0, "Looking at the edges of the scan")
+    largest = max(view.camera.width, view.camera.height)
+    scale = min(1.0, SIZE / largest)
+    photo, edges, sigma = _seen(view, scale, scan, prior, settings)
+    if sigma > 0 and not 0.75 * REACH < 3 * sigma < 1.25 * REACH:
+        scale = float(np.clip(scale * REACH / (3 * sigma), SMALLEST / largest, finest_scale(view, settings)))
+        photo, edges, sigma = _seen(view, scale, scan, prior, settings)
+    yield Progress(0.3, "Shifting patches of edges over the photo")
     rng = np.random.default_rng(settings.seed)
-    wide, narrow = (settings.search / 2, 2.0), (2.0, 1.0)
-    centre = prior.centre
-    for photo, widths in ((levels[0], wide), (levels[0], narrow), (levels[1], narrow)):
-        edges = find_scan_edges(photo.camera, rotation, centre, scan, settings)
-        fit, _ = divided_edges(edges, settings, rng)
-        alignment = align_edges(photo, fit, rotation, centre, prior, widths)
-        rotation, centre = alignment.rotation, alignment.centre
-    edges = find_scan_edges(levels[1].camera, rotation, centre, scan, settings)
-    _, held = divided_edges(edges, settings, rng)
-    return _Candidate(rotation, centre, edges, edge_agreement(levels[1], held, rotation, centre))
+    maps = patch_maps(photo, edges, prior, reach=int(np.clip(np.ceil(3 * sigma), 4, 2 * REACH)), rng=rng)
+    if not len(maps):
+        return Start(prior.rotation, prior.centre, 0.0)
+    yield Progress(0.7, "Trying poses around the start")
+    spread = _square_root(prior.covariance)
+    found = [_followed(maps, place, spread, rng) for place in _places(maps, spread, rng)]
+    fits = maps.fit(np.array(found))
+    best = int(np.argmax(fits))
+    rivals = fits[maps.apart(np.array(found), found[best]) > APART]
+    rival = float(max(rivals, default=0.0) / max(fits[best], 1e-9))
+    return Start(*step_pose(prior.rotation, prior.centre, found[best]), rival)
+
+
+def _seen(
+    view: View, scale: float, scan: Scan, prior: PosePrior, settings: EdgeSettings
+) -> tuple[Photo, ScanEdges, float]:
+    """The photo at a scale, the scan's edges in it, and the prior's standard deviation there (px)."""
+    photo = photo_at(view, scale, scan, settings)
+    edges = find_scan_edges(photo.camera, prior.rotation, prior.centre, scan, settings)
+    return photo, edges, shift_sigma(photo, edges, prior)
+
+
+def _square_root(covariance: FloatArray) -> FloatArray:
+    """Matrix (6,6) that turns independent numbers into steps of this covariance, units apart or not."""
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-18))
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    out: FloatArray = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    return out
+
+
+def _places(maps: PatchMaps, spread: FloatArray, rng: np.random.Generator) -> list[FloatArray]:
+    """Steps that fit best among samples, each different from the ones before."""
+    steps = np.vstack([np.zeros(6), WIDER * rng.normal(size=(SAMPLES, 6)) @ spread.T])
+    steps = steps[np.argsort(-maps.smoothed(1.5).fit(steps), kind="stable")]
+    places: list[FloatArray] = []
+    while len(steps) and len(places) < PLACES:
+        places.append(steps[0])
+        steps = steps[maps.apart(steps, steps[0]) > APART]
+    return places
+
+
+def _followed(maps: PatchMaps, step: FloatArray, spread: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Best step (6,) near another: samples around the best one so far, ever closer."""
+    rough = maps.smoothed(1.5)
+    for number, share in enumerate(SHRINKING):
+        near = np.vstack([step, step + share * rng.normal(size=(300, 6)) @ spread.T])
+        step = near[np.argmax((rough if number < 2 else maps).fit(near))]
+    return step

@@ -89,7 +89,7 @@ def test_a_run_refines_tells_and_takes_over(refined, monkeypatch):
     def fail(*_arguments):
         raise AssertionError("was refined again")
 
-    monkeypatch.setattr(refinement, "refine_pose_by_edges_job", fail)
+    monkeypatch.setattr(refinement, "refine_pose_on_scan_job", fail)
     monkeypatch.setattr(refinement, "refine_poses_jointly_job", fail)
     again = run_project(load_project(path))
     for one, other in zip(result.poses, again.poses, strict=True):

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from fresco.core.geometry.rigid import exp_so3
 from fresco.core.pose.edges.alignment import Alignment, PosePrior
-from fresco.core.pose.edges.checks import CONTRADICTION, far_move, few_edges, halves_apart, no_agreement
+from fresco.core.pose.edges.checks import (
+    CONTRADICTION,
+    RIVAL,
+    ambiguous,
+    far_move,
+    few_edges,
+    halves_apart,
+    no_agreement,
+)
 from fresco.core.pose.edges.scan_edges import _pieces
 from fresco.core.settings import EdgeSettings
 
@@ -62,10 +70,13 @@ def test_move_is_judged_by_the_covariance_of_the_start(start, alignment):
 
 
 def test_contradicting_halves_are_told():
-    assert halves_apart(0.99 * CONTRADICTION, shift=3.0, reach=8.0) == ""
-    assert "10 times as far apart" in halves_apart(100.0, shift=3.0, reach=8.0)
-    assert "3 times as far apart" in halves_apart(9.0, shift=12.0, reach=8.0)
-    assert halves_apart(2.0, shift=12.0, reach=8.0) == ""
+    assert halves_apart(0.99 * CONTRADICTION) == ""
+    assert "10 times as far apart" in halves_apart(100.0)
+
+
+def test_rival_is_told():
+    assert ambiguous(0.99 * RIVAL) == ""
+    assert "fits 93% as well" in ambiguous(0.93)
 
 
 def test_widening_takes_the_edges_errors_only(alignment):
