@@ -45,16 +45,25 @@ def read_point_colours(mesh: bpy.types.Mesh, name: str) -> ByteArray | None:
 
 
 def carry_over(mesh: bpy.types.Mesh, scan: Scan, textured: TexturedScan) -> None:
-    """Give a mesh whose faces were split the colours of the scan before, blended within each face."""
-    shares = _barycentric(textured.vertices[textured.faces], scan.vertices[scan.faces[textured.parent]])
+    """Give a mesh whose faces were split the colours of the scan before, blended within each face.
+
+    The scan's vertices come first and keep their values; only faces with new ones are looked at.
+    """
+    colours, intensity = scan.vertex_colors, scan.intensity
+    if colours is None and intensity is None:
+        return
+    count = len(scan.vertices)
+    cut = np.flatnonzero((textured.faces >= count).any(axis=1))
+    corner, before = textured.faces[cut], scan.faces[textured.parent[cut]]
+    shares = _barycentric(textured.vertices[corner], scan.vertices[before])
 
     def blended(values: AnyArray) -> FloatArray:
-        corners = values.reshape(len(values), -1)[scan.faces[textured.parent]].astype(np.float64)
-        out = np.zeros((len(textured.vertices), corners.shape[2]))
-        out[textured.faces.ravel()] = np.einsum("fcb,fbk->fck", shares, corners).reshape(-1, corners.shape[2])
+        known = values.reshape(count, -1).astype(np.float64)
+        out = np.concatenate([known, np.zeros((len(textured.vertices) - count, known.shape[1]))])
+        out[corner.ravel()] = np.einsum("fcb,fbk->fck", shares, known[before]).reshape(-1, known.shape[1])
+        out[:count] = known
         return out
 
-    colours, intensity = scan.vertex_colors, scan.intensity
     write_scan_colours(
         mesh,
         None if colours is None else np.rint(blended(colours)).astype(np.uint8),

@@ -13,7 +13,7 @@ from ..photos.view import View
 from ..settings import TextureSettings
 from .frustum import blocks_in_view, faces_of_blocks
 from .images import full_turn
-from .surface import Surface
+from .surface import Surface, used_vertices
 
 _EXTRA_POINTS = np.array(
     [[9, 9, 2], [2, 9, 9], [9, 2, 9], [4, 1, 1], [1, 4, 1], [1, 1, 4], [18, 1, 1], [1, 18, 1], [1, 1, 18]],
@@ -113,15 +113,9 @@ def _in_front(surface: Surface, view: View, settings: TextureSettings) -> Visibl
 
 def _in_frame(surface: Surface, view: View, seen: VisibleFaces) -> VisibleFaces:
     """Faces that lie whole in the frame, with their pixels and texel size."""
-    corners = surface.faces[seen.face]
-    used = np.zeros(len(surface.vertices), dtype=np.bool_)
-    used[corners] = True
-    vertex = np.flatnonzero(used)
-    pixels = np.full((len(used), 2), np.nan)
-    pixels[vertex] = project(view, surface.vertices[vertex] + surface.origin)
-    inside = np.zeros(len(used), dtype=np.bool_)
-    inside[vertex] = view.camera.in_frame(pixels[vertex])
-    keep = np.flatnonzero(_at_corners(inside, corners, np.logical_and))
+    vertex, corners = used_vertices(surface.faces[seen.face], len(surface.vertices))
+    pixels = project(view, surface.vertices[vertex] + surface.origin)
+    keep = np.flatnonzero(_at_corners(view.camera.in_frame(pixels), corners, np.logical_and))
     uv, whole = laid_out(view.camera, pixels[corners[keep]])
     area = triangle_areas(uv)
     seen = seen.subset(keep)
@@ -155,19 +149,18 @@ def _unhidden(surface: Surface, view: View, seen: VisibleFaces, settings: Textur
     eye = view.centre - surface.origin
     tolerance = settings.occlusion_tolerance
     hidden = surface.caster.occluded(eye, surface.centroid[seen.face], tolerance)
-    near = np.zeros(len(surface.vertices), dtype=np.bool_)
-    near[surface.faces[seen.face[hidden]]] = True
-    seen = seen.subset(np.flatnonzero(~hidden))
-    corners = surface.faces[seen.face]
-    needed = np.zeros(len(near), dtype=np.bool_)
-    needed[corners] = True
-    vertex = np.flatnonzero(needed)
-    covered = np.zeros(len(near), dtype=np.bool_)
-    covered[vertex] = surface.caster.occluded(eye, surface.vertices[vertex], tolerance)
+    vertex, corners = used_vertices(surface.faces[seen.face], len(surface.vertices))
+    near = np.zeros(len(vertex), dtype=np.bool_)
+    near[corners[hidden]] = True
+    seen, corners = seen.subset(~hidden), corners[~hidden]
+    place = surface.vertices[vertex]
+    covered = np.zeros(len(vertex), dtype=np.bool_)
+    covered[corners] = True
+    covered[covered] = surface.caster.occluded(eye, place[covered], tolerance)
     near[corners[_at_corners(covered, corners, np.logical_or)]] = True
     share = np.ones(len(corners), dtype=np.float32)
     doubtful = np.flatnonzero(_at_corners(near, corners, np.logical_or))
-    points = np.einsum("pk,nkc->npc", _EXTRA_POINTS, surface.vertices[corners[doubtful]])
+    points = np.einsum("pk,nkc->npc", _EXTRA_POINTS, place[corners[doubtful]])
     points /= _EXTRA_POINTS.sum(axis=1)[:, None]
     blocked = surface.caster.occluded(eye, points.reshape(-1, 3), tolerance).reshape(-1, len(_EXTRA_POINTS))
     share[doubtful] = (1 + np.count_nonzero(~blocked, axis=1)) / (1 + len(_EXTRA_POINTS))
