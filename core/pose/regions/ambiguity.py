@@ -149,19 +149,29 @@ def _finished(contours: Contours, fits: Sequence[OutlineFit]) -> list[OutlineFit
     left out in turn.
     """
     done = [finished(contours, fit) for fit in _equals(fits)]
-    exact = [fit for fit in done if fit.exact]
+    exact = _exact(done)
     found: list[OutlineFit] = []
     for fit in done:
-        if fit.exact and (len(contours.problem.outlines) > 1 or fit.share > CLEAN_SHARE):
+        if fit in exact and (len(contours.problem.outlines) > 1 or fit.share > CLEAN_SHARE):
             found.append(fit)
-        elif fit.exact or all(_angle(fit, other) > APART for other in exact):
+        elif fit in exact or all(_angle(fit, other) > APART for other in exact):
             itself, others = fits_without_sides(contours, fit)
             near = [other for other in others if _angle(fit, other) <= APART]
             found += [itself, *(other for other in near if _as_good(other, done))]
-    found = [fit for fit in found if fit.exact] or found
+    found = _exact(found) or found
     finest = min(fit.near for fit in found)
     coarse = [fit for fit in found if fit.near > finest]
     return _equals([fit for fit in found if fit.near == finest]) + _equals(coarse)
+
+
+def _exact(fits: Sequence[OutlineFit]) -> list[OutlineFit]:
+    """Fits exact to the pixel that coincide hardly less than any: straight sides may do so by chance."""
+    evidence, share = max(fit.evidence for fit in fits), max(fit.share for fit in fits)
+    return [
+        fit
+        for fit in fits
+        if fit.exact and fit.evidence >= NO_WORSE * evidence and fit.share >= NO_WORSE * share
+    ]
 
 
 def _as_good(other: OutlineFit, fits: Sequence[OutlineFit]) -> bool:

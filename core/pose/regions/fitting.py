@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
-from ...arrays import FloatArray
+from ...arrays import BoolArray, FloatArray
 from ...cameras.base import Camera
 from ...geometry.rigid import exp_so3
 from .consensus import SHARP, outline_offsets, search_consensus, search_without_sides
@@ -88,6 +89,12 @@ SHARES = np.array([0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 0.95])
 
 BLOCKS = 3.0
 """Independent pieces of evidence per stretch of boundary whose errors hang together."""
+
+SIDE = 0.08
+"""Share of a region's boundary from which a straight piece of outline beside it is no slip."""
+
+SIDE_SAMPLES = 100
+"""Samples of a boundary below which such a piece is too short to tell."""
 
 SAME = 0.7
 """Multiples of `Level.near` by which the boundaries of different fits differ, root mean square."""
@@ -218,7 +225,7 @@ def finished(contours: Contours, fit: OutlineFit) -> OutlineFit:
         return fit
     camera = contours.problem.camera
     exact = fit_between_pixels(camera, contours.problem.outlines, fit.rotation, fit.translation)
-    if exact is not None:
+    if exact is not None and not _side_beside(contours, fit):
         rotation, translation, covariance = exact
         return replace(fit, rotation=rotation, translation=translation, covariance=covariance, exact=True)
     if fit.share < SURE_SHARE:  # wrong fits lock rarely, and never on the pixel
@@ -232,6 +239,33 @@ def finished(contours: Contours, fit: OutlineFit) -> OutlineFit:
     matches = [match(camera, pair, turned, moved) for pair in pairs]
     spread = outline_covariance(pairs, matches, SCALES[-1] * fit.near, 0.0)
     return replace(fit, rotation=turned, translation=moved, covariance=spread)
+
+
+def _side_beside(contours: Contours, fit: OutlineFit) -> bool:
+    """Whether a side was drawn along something beside the true edge: then others may have been, unseen.
+
+    Slips are ragged; such a side keeps its distance from the boundary, or departs from it in a straight line.
+    """
+    camera = contours.problem.camera
+    for pair in contours.pairs(LEVELS[0], fit.rotation, fit.translation):
+        found = match(camera, pair, fit.rotation, fit.translation)
+        distances = found.distances[pair.image.weights[found.nearest] > 0]
+        if len(distances) >= SIDE_SAMPLES and np.any(_straight_beside(distances, fit.near)):
+            return True
+    return False
+
+
+def _straight_beside(distances: FloatArray, near: float) -> BoolArray:
+    """Per stretch of `SIDE` of the boundary, whether distances (n,) px are off but on a straight line."""
+    width = int(SIDE * len(distances))
+    stretches = sliding_window_view(np.concatenate([distances, distances[: width - 1]]), width)
+    along = np.linspace(-1.0, 1.0, width)
+    mean = stretches.mean(axis=1, keepdims=True)
+    slope = stretches @ along[:, None] / (along @ along)
+    scatter = np.sqrt(np.mean((stretches - mean - slope * along) ** 2, axis=1))
+    off = np.abs(stretches).min(axis=1) >= near
+    straight: BoolArray = off & (scatter < SHARP * near)  # NaN, where no outline belongs, is not
+    return straight
 
 
 def _refined(

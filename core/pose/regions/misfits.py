@@ -1,10 +1,11 @@
-"""Regions that do not fit the others: partly hidden without saying so, or with the wrong partner."""
+"""What is told of regions: which do not fit the others, and which nothing else could contradict."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 
+import cv2
 import numpy as np
 
 from ...errors import PoseNotFound
@@ -15,6 +16,17 @@ from .contour import match
 from .fitting import LEVELS, Contours
 from .problem import Problem
 from .region_pose import RegionPose
+
+FEW = 5
+"""Sides of an only region up to which one of them drawn beside the true edge does not show."""
+
+STRAIGHT = 0.02
+"""Share of a smoothed boundary's length by which a side may depart from a straight line."""
+
+UNCONTRADICTED = (
+    "The only region has so few sides that one of them, drawn beside the true edge, would not show: the pose "
+    "is as good as the outline; add a region to be sure."
+)
 
 Solver = Callable[[Problem], Job[RegionPose]]
 
@@ -40,7 +52,13 @@ def pose_without_misfit(problem: Problem, solve: Solver) -> Job[RegionPose | Non
 
 
 def misfits_told(problem: Problem, pose: RegionPose) -> RegionPose:
-    """Pose with a remark on every region that overlaps badly while the outlines of the others coincide."""
+    """Pose with a remark on every region that overlaps badly while the outlines of the others coincide.
+
+    An only region of few straight sides, one of them drawn elsewhere, is another view of itself: then the
+    remark says what the standard deviations cannot know.
+    """
+    if pose.locked and not pose.ambiguous and _few_sides(problem, pose):
+        return replace(pose, remarks=(UNCONTRADICTED,))
     errors = np.nan_to_num(np.array(pose.region_errors))
     bad = np.flatnonzero(errors > MISFIT) if pose.locked else np.zeros(0, dtype=np.int64)
     if len(bad) in (0, len(problem.outlines)):
@@ -51,6 +69,18 @@ def misfits_told(problem: Problem, pose: RegionPose) -> RegionPose:
         for place in bad
     )
     return replace(pose, remarks=remarks)
+
+
+def _few_sides(problem: Problem, pose: RegionPose) -> bool:
+    """Whether there is but one boundary and it has at most `FEW` straight sides."""
+    if sum(len(loops) for pair in problem.outlines for loops in pair.boundaries) > 1:
+        return False
+    shift = pose.translation + pose.rotation @ problem.origin
+    (pair,) = Contours(problem).pairs(LEVELS[-1], pose.rotation, shift)  # smooth: a scan's border is jagged
+    drawn = problem.camera.project(pair.surface.points @ pose.rotation.T + shift)
+    outline = drawn[np.isfinite(drawn).all(axis=1)].astype(np.float32)
+    corners = cv2.approxPolyDP(outline, STRAIGHT * cv2.arcLength(outline, True), True)
+    return len(corners) <= FEW
 
 
 def _quietly(job: Job[RegionPose]) -> Job[RegionPose]:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from fresco.core.cameras import PerspectiveCamera
 from fresco.core.errors import FrescoError
-from fresco.core.geometry.outlines import mask_loops
-from fresco.core.geometry.rigid import rotation_angle
+from fresco.core.geometry.outlines import fill_loops, mask_loops
+from fresco.core.geometry.rigid import exp_so3, rotation_angle
 from fresco.core.pose import estimate_pose
 from fresco.core.regions import ImageRegion
 from hypothesis import given, settings
@@ -38,6 +38,52 @@ def test_side_beside_the_true_one_does_not_give_a_sure_wrong_pose(first, pixels)
     turn = np.degrees(rotation_angle(pose.rotation @ scene.rotation.T))
     off = np.linalg.norm(pose.centre - scene.centre)
     assert pose.ambiguous or (turn < 3 * pose.rotation_sigma and off < 3 * pose.centre_sigma)
+
+
+def with_sides_moved(corners, shifts):
+    """Polygon (n,2) px whose side i, from corner i to the next, is moved out or in by `shifts` (n,) px."""
+    along = np.roll(corners, -1, axis=0) - corners
+    normals = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1, keepdims=True)
+    lines = np.einsum("ij,ij->i", normals, corners) + shifts
+    pairs = np.stack([np.roll(normals, 1, axis=0), normals], axis=1)
+    return np.linalg.solve(pairs, np.stack([np.roll(lines, 1), lines], axis=1)[..., None])[..., 0]
+
+
+def drawn_beside(names, seed):
+    """Scene, and its regions with straight sides of which a third lie 3 to 7 px beside the true ones."""
+    rng = np.random.default_rng(seed)
+    scene = Scene(CAMERA, names, local=exp_so3(rng.normal([0.2, -0.2, 0.3], 0.3)))
+    images = []
+    for name, surface in zip(names, scene.surfaces, strict=True):
+        corners = CAMERA.project(surface.vertices @ scene.rotation.T + scene.translation)
+        wrong = rng.uniform(3.0, 7.0, len(corners)) * rng.choice([-1.0, 1.0], len(corners))
+        shifts = np.where(rng.random(len(corners)) < 0.35, wrong, rng.normal(0.0, 0.3, len(corners)))
+        loops = [with_sides_moved(corners, shifts)]
+        images.append(ImageRegion.from_mask(fill_loops(loops, CAMERA.width, CAMERA.height), name))
+    return scene, images
+
+
+def test_straight_sides_drawn_along_something_else_seldom_give_a_sure_wrong_pose():
+    ratios = []
+    for names in (["kite", "gable"], ["ell", "prow"], ["gable", "kite", "square"]):
+        for seed in range(14):
+            scene, images = drawn_beside(names, seed)
+            pose = estimate_pose(CAMERA, images, scene.surfaces)
+            if not pose.ambiguous:
+                turn = np.degrees(rotation_angle(pose.rotation @ scene.rotation.T))
+                off = np.linalg.norm(pose.centre - scene.centre)
+                ratios.append(max(turn / pose.rotation_sigma, off / pose.centre_sigma))
+    assert len(ratios) >= 12
+    assert np.mean(np.array(ratios) > 3.0) <= 0.12
+    assert max(ratios) < 20.0
+
+
+def test_only_region_of_few_sides_is_told_to_be_as_good_as_its_outline():
+    few, many = (Scene(CAMERA, [name]) for name in ("kite", "prow"))
+    (remark,) = estimate_pose(CAMERA, few.images, few.surfaces).remarks
+    assert remark.startswith("The only region has so few sides")
+    assert remark.endswith("add a region to be sure.")
+    assert not estimate_pose(CAMERA, many.images, many.surfaces).remarks
 
 
 def scrap(kind, corners, size):
