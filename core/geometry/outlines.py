@@ -101,11 +101,13 @@ def fill_edges(starts: FloatArray, ends: FloatArray, width: int, height: int) ->
     slope = (ends[edge, 0] - starts[edge, 0]) / (ends[edge, 1] - starts[edge, 1])
     crossing = starts[edge, 0] + slope * (row - starts[edge, 1])
     column = np.clip(np.ceil(crossing), 0, width).astype(np.int64)
-    toggles = np.bincount(row * (width + 1) + column, minlength=height * (width + 1)).reshape(
-        height, width + 1
-    )
-    filled: BoolArray = (np.cumsum(toggles[:, :width], axis=1) & 1).astype(bool)
-    return filled
+    filled = np.zeros((height, width), dtype=np.uint8)
+    seen = column < width
+    np.add.at(filled, (row[seen], column[seen]), 1)
+    if np.any(seen):
+        rows = np.s_[row[seen].min() : row[seen].max() + 1, column[seen].min() :]
+        filled[rows] = np.bitwise_xor.accumulate(filled[rows] & 1, axis=1)
+    return filled.view(np.bool_)
 
 
 def loop_area(loops: Sequence[FloatArray]) -> float:

@@ -33,9 +33,10 @@ class Gradient:
         padded = np.full((rows * 16384, 2), -10.0, dtype=np.float32)
         padded[: len(flat)] = flat
         u, v = padded.reshape(rows, 16384, 2).transpose(2, 0, 1).copy()
-        sampled = [cv2.remap(g, u, v, cv2.INTER_LINEAR).ravel()[: len(flat)] for g in (self.u, self.v)]
-        out: FloatArray = np.stack(sampled, axis=1).astype(np.float64).reshape(*shape, 2)
-        return out
+        out = np.empty((len(flat), 2))
+        for axis, channel in enumerate((self.u, self.v)):
+            out[:, axis] = cv2.remap(channel, u, v, cv2.INTER_LINEAR).ravel()[: len(flat)]
+        return out.reshape(*shape, 2)
 
 
 def as_photo(image: ArrayLike) -> ByteArray:
@@ -104,13 +105,17 @@ def gradient(even: Float32Array) -> Gradient:
 
     At every pixel that of the channel where it is steepest.
     """
-    smooth = cv2.GaussianBlur(even, (0, 0), 0.8).reshape(even.shape)
-    u = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=0.125).astype(np.float32).reshape(even.shape)
-    v = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, scale=0.125).astype(np.float32).reshape(even.shape)
-    steepest = np.argmax(u * u + v * v, axis=2)[:, :, None]
-    return Gradient(
-        np.take_along_axis(u, steepest, axis=2)[:, :, 0], np.take_along_axis(v, steepest, axis=2)[:, :, 0]
-    )
+    steepest = np.full(even.shape[:2], -1, dtype=np.float32)
+    u, v = np.empty_like(steepest), np.empty_like(steepest)
+    for channel in range(even.shape[2]):
+        smooth = cv2.GaussianBlur(even[:, :, channel], (0, 0), 0.8)
+        along_u = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=0.125)
+        along_v = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, scale=0.125)
+        steep = along_u * along_u + along_v * along_v
+        steeper = steep > steepest
+        for kept, new in ((steepest, steep), (u, along_u), (v, along_v)):
+            np.copyto(kept, new, where=steeper)
+    return Gradient(u, v)
 
 
 def straight_segments(even: Float32Array) -> FloatArray:

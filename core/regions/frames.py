@@ -12,11 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import ArrayLike, FloatArray, IndexArray, IntArray
+from ..arrays import ArrayLike, FloatArray, IndexArray
 from .lines import STEP, LineSet
+from .spans import find_quadrangles, off_centre, side_support
 
 _SECTORS = 12  # directions around the click from which lines are taken evenly
 _SHORTEST_SIDE = 8.0  # pixels
+_TRIANGLE_LINES = 60  # lines around a click of which two are sides of a triangle
+_THIRD_LINES = 200  # lines of which one is its third side
 _TURN = np.sin(np.radians(15))  # smallest turn at a corner
 _CONSIDERED = 4000  # frames with the best covered sides whose places are compared
 _SPARSE = 4  # samples along a line of which one is enough to tell how wide the line looks
@@ -24,38 +27,29 @@ _ALIKE = 0.02  # of a frame's size: corners nearer than this are alike
 
 
 @dataclass(frozen=True, eq=False)
-class _Sides:
-    """Sides on line `on` between lines `after` and `before`: `support` 0..1 and `length` pixels, all (S,)."""
+class Frames:
+    """Corners (N,4,2) in pixels, of which a triangle repeats its first, and how far its sides are covered.
 
-    after: IndexArray
-    on: IndexArray
-    before: IndexArray
+    `support` (N,4) is 0..1, and 1 for the side that a triangle lacks.
+    """
+
+    corners: FloatArray
     support: FloatArray
-    length: FloatArray
 
 
 def find_frames(
     lines: LineSet, click: ArrayLike, least_support: float, line_limit: int, keep: int = 200
-) -> FloatArray:
-    """Frames around a click (u, v): corners (N,4,2), N <= `keep`, of which a triangle repeats its first."""
+) -> Frames:
+    """Frames around a click (u, v), at most `keep`: well covered, and the click well inside."""
     point = np.asarray(click, dtype=np.float64) - lines.centre
-    chosen = _nearby_lines(lines, point, line_limit)
-    side = np.where(lines.normal[chosen] @ point > lines.offset[chosen], 1.0, -1.0)
-    normal, offset = lines.normal[chosen] * side[:, None], lines.offset[chosen] * side
-    corner = _intersections(normal, offset)
-    sides = _supported_sides(lines, chosen, side, normal, corner, least_support)
-    members = np.concatenate([_triangles(sides, len(chosen)), _quadrangles(sides, len(chosen))])
-    if len(members) == 0:
-        return np.zeros((0, 4, 2))
-    support = np.where(members >= 0, sides.support[members], 1.0)
+    corners, support = find_quadrangles(lines, _nearby_lines(lines, point, line_limit), point, least_support)
+    triangles, sides = _triangles(lines, point, least_support)
+    corners, support = np.concatenate([corners, triangles]), np.concatenate([support, sides])
     covered = np.log(support).mean(axis=1) + support.min(axis=1)
     best = np.argsort(-covered, kind="stable")[:_CONSIDERED]
-    members, covered = members[best], covered[best]
-    corners = corner[sides.on[members], sides.before[members]]
-    corners[members[:, 3] < 0, 3] = corners[members[:, 3] < 0, 0]
-    rank = covered + centrality(*polygon_moments(corners), point)
-    frames: FloatArray = corners[_unlike(corners, rank)[:keep]] + lines.centre
-    return frames
+    corners, support, covered = corners[best], support[best], covered[best]
+    best = _unlike(corners, covered + centrality(*polygon_moments(corners), point))[:keep]
+    return Frames(corners[best] + lines.centre, support[best])
 
 
 def _unlike(corners: FloatArray, rank: FloatArray) -> IndexArray:
@@ -102,83 +96,34 @@ def _intersections(normal: FloatArray, offset: FloatArray) -> FloatArray:
     return np.stack([u, v], axis=-1)
 
 
-def _supported_sides(
-    lines: LineSet, chosen: IndexArray, side: FloatArray, normal: FloatArray, corner: FloatArray, least: float
-) -> _Sides:
-    """All sides between two corners in the photo that an edge covers to at least the share `least`."""
+def _triangles(lines: LineSet, point: FloatArray, least: float) -> tuple[FloatArray, FloatArray]:
+    """Triangles around a point of two lines near it and a third: corners (N,4,2), support (N,4)."""
+    chosen = _nearby_lines(lines, point, _THIRD_LINES)
+    near = np.isin(chosen, _nearby_lines(lines, point, _TRIANGLE_LINES))
+    side = np.where(lines.normal[chosen] @ point > lines.offset[chosen], 1.0, -1.0)
+    corner = _intersections(lines.normal[chosen] * side[:, None], lines.offset[chosen] * side)
     inside = np.all(np.abs(corner) <= lines.centre + 3, axis=-1)
-    after, on = np.nonzero(inside)
-    first, second = joined(on, after)
-    i, j, k = after[first], on[first], on[second]
-    direction = np.stack([normal[:, 1], -normal[:, 0]], axis=1)
-    start = np.einsum("sk,sk->s", corner[i, j], direction[j])
-    end = np.einsum("sk,sk->s", corner[j, k], direction[j])
-    long = end - start > _SHORTEST_SIDE
-    i, j, k, start, end = i[long], j[long], k[long], start[long], end[long]
-    line = chosen[j]
-    covered = np.abs(lines.covered_until(line, end * side[j]) - lines.covered_until(line, start * side[j]))
-    support = np.minimum(covered / (end - start), 1.0)
-    good = support >= least
-    return _Sides(i[good], j[good], k[good], support[good], (end - start)[good])
-
-
-def joined(left: IndexArray, right: IndexArray) -> tuple[IndexArray, IndexArray]:
-    """All pairs (x, y) with left[x] == right[y]."""
-    order = np.argsort(right, kind="stable")
-    ordered = right[order]
-    first = np.searchsorted(ordered, left, "left")
-    count = np.searchsorted(ordered, left, "right") - first
-    x = np.repeat(np.arange(len(left)), count)
-    y = order[np.arange(len(x)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)]
-    return x, y
-
-
-def _table(sides: _Sides, count: int) -> IntArray:
-    table = np.full((count, count, count), -1, dtype=np.int32)
-    table[sides.after, sides.on, sides.before] = np.arange(len(sides.on))
-    return table
-
-
-def _triangles(sides: _Sides, count: int) -> IndexArray:
-    """Sides (n,4) of closed triangles, the fourth -1."""
-    table = _table(sides, count)
-    second = table[sides.on, sides.before, sides.after]
-    third = table[sides.before, sides.after, sides.on]
-    once = (second >= 0) & (third >= 0) & (sides.after < sides.on) & (sides.after < sides.before)
-    first = np.flatnonzero(once)
-    return np.stack([first, second[once], third[once], np.full(len(first), -1)], axis=1)
-
-
-def _quadrangles(sides: _Sides, count: int) -> IndexArray:
-    """Sides (n,4) of closed quadrangles: two opposite sides between the same pair of lines, joined."""
-    table = _table(sides, count)
-    rising = np.flatnonzero(sides.after < sides.before)
-    falling = np.flatnonzero(sides.after > sides.before)
-    pair = joined(
-        sides.after[rising] * count + sides.before[rising],
-        sides.before[falling] * count + sides.after[falling],
-    )
-    first, third = rising[pair[0]], falling[pair[1]]
-    second = table[sides.on[first], sides.before[first], sides.on[third]]
-    fourth = table[sides.on[third], sides.after[first], sides.on[first]]
-    closed = (second >= 0) & (fourth >= 0)
-    quadrangles: IndexArray = np.stack([first, second, third, fourth], axis=1)[closed]
-    return quadrangles
+    i, j = np.nonzero(inside & near[:, None] & near)
+    pair, k = np.nonzero(inside[j] & inside[:, i].T)
+    i, j = i[pair], j[pair]
+    corners = np.stack([corner[i, j], corner[j, k], corner[k, i], corner[i, j]], axis=1)
+    long = np.linalg.norm(np.diff(corners, axis=1), axis=2).min(axis=1) > _SHORTEST_SIDE
+    corners, i, j, k = corners[long], i[long], j[long], k[long]
+    sides = [
+        side_support(lines, chosen[on], corners[:, n], corners[:, n + 1]) for n, on in enumerate((j, k, i))
+    ]
+    support = np.stack([*sides, np.ones(len(i))], axis=1)
+    good = support.min(axis=1) >= least
+    return corners[good], support[good]
 
 
 def centrality(middle: FloatArray, spread: FloatArray, click: FloatArray) -> FloatArray:
-    """Log prior (N,) that a user clicks near the middle of a region: centroids (N,2), covariances (N,2,2).
-
-    The distance from the centroid is measured in the region's own standard deviations; 0.15 of one is
-    usual, and beyond twice that the odds fall no faster (Huber).
-    """
+    """Log prior (N,) that a user clicks so far off the middle: centroids (N,2), covariances (N,2,2)."""
     off = click - middle
     uu, vv, uv = spread[:, 0, 0], spread[:, 1, 1], spread[:, 0, 1]
     determinant = np.maximum(uu * vv - uv * uv, 1e-9)
     distance2 = (vv * off[:, 0] ** 2 - 2 * uv * off[:, 0] * off[:, 1] + uu * off[:, 1] ** 2) / determinant
-    apart = np.sqrt(np.maximum(distance2, 0)) / 0.15
-    prior: FloatArray = -0.15 * np.where(apart < 2, apart**2, 4 * apart - 4)
-    return prior
+    return off_centre(np.sqrt(np.maximum(distance2, 0)))
 
 
 def polygon_moments(corners: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -35,6 +35,18 @@ class LineSet:
         """Unit direction (N,2) of every line, its normal a quarter turn to the right of it in (u, v)."""
         return np.stack([self.normal[:, 1], -self.normal[:, 0]], axis=1)
 
+    def point(self, line: IndexArray, along: FloatArray) -> FloatArray:
+        """Points (n,2), from the centre, at positions `along` (n,) of lines (n,)."""
+        foot: FloatArray = self.normal[line] * self.offset[line, None]
+        return foot + self.direction[line] * along[:, None]
+
+    def sight(self, line: IndexArray, beyond: float = 3.0) -> tuple[FloatArray, FloatArray]:
+        """Positions (n,), (n,) between which lines (n,) are in the photo, or `beyond` pixels beside it."""
+        foot, way = self.normal[line] * self.offset[line, None], self.direction[line]
+        safe: FloatArray = np.where(np.abs(way) > 1e-9, way, 1e-9)
+        ends = np.sort([(-self.centre - beyond - foot) / safe, (self.centre + beyond - foot) / safe], axis=0)
+        return ends[0].max(axis=1), ends[1].min(axis=1)
+
     def covered_until(self, line: IndexArray, along: FloatArray) -> FloatArray:
         """Covered length (pixels) of lines (n,) up to positions `along` (n,)."""
         place = np.clip((along + self.reach) / STEP + 0.5, 0, self.total.shape[1] - 1.001)
@@ -113,3 +125,14 @@ def _coverage(ends: FloatArray, normal: FloatArray, reach: float) -> Float32Arra
     change = np.bincount(index[:, 0], minlength=count) - np.bincount(index[:, 1], minlength=count)
     covered: Float32Array = (np.cumsum(change) > 0).astype(np.float32)
     return covered
+
+
+def joined(left: IndexArray, right: IndexArray) -> tuple[IndexArray, IndexArray]:
+    """All pairs (x, y) with left[x] == right[y]."""
+    order = np.argsort(right, kind="stable")
+    ordered = right[order]
+    first = np.searchsorted(ordered, left, "left")
+    count = np.searchsorted(ordered, left, "right") - first
+    x = np.repeat(np.arange(len(left)), count)
+    y = order[np.arange(len(x)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)]
+    return x, y

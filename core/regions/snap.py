@@ -11,14 +11,17 @@ import numpy as np
 from ..arrays import ArrayLike, ByteArray, FloatArray, IndexArray
 from ..errors import RegionError
 from ..geometry.contours import resampled, smoothed
-from .edges import Gradient, as_photo, evened, gradient, lab
+from ..jobs import Job, drain, part
+from .band import across_band_job
+from .best_path import best_path
+from .edges import as_photo
 
 _OFFSET_STEP = 0.5  # pixels between the places tried across an outline
 _FAINTEST = 0.004  # mean gradient along a side below which there is no edge
 _STIFFNESS = 0.15  # cost of one offset step between neighbours, in units of a typical edge
 
 
-def snap_outline(image: ArrayLike, loop: ArrayLike, reach: float, step: float = 2.0) -> FloatArray:
+def snap_outline_job(image: ArrayLike, loop: ArrayLike, reach: float, step: float = 2.0) -> Job[FloatArray]:
     """Closed outline (n,2) moved onto the strongest connected edge within `reach` pixels: -> (m,2).
 
     Dynamic programming along the outline over offsets on its normals; then a parabola through the edge's
@@ -27,46 +30,47 @@ def snap_outline(image: ArrayLike, loop: ArrayLike, reach: float, step: float = 
     PAMI 1990.
     """
     photo, points = as_photo(image), _checked(loop)
-    origin, edges = edges_around(photo, points, reach)
     even = resampled(points, step)
     curve = smoothed(even, 3)
     normal = np.stack([-curve.tangents[:, 1], curve.tangents[:, 0]], axis=1)
     offset = np.arange(-reach, reach + 1e-9, _OFFSET_STEP)
     places = even[:, None] + offset[:, None] * normal[:, None]
-    across = np.abs(np.sum(edges.at(places - origin) * normal[:, None], axis=-1))
+    across = np.abs((yield from across_band_job(photo, places, normal)))
     strength = across / max(float(np.percentile(across.max(axis=1), 75)), 0.02)
     strength -= 0.1 * np.abs(offset) / max(reach, 1.0)  # between equals the nearer one
-    path = _best_path(strength)
+    path = best_path(strength, _STIFFNESS)
     moved = offset[path] + _OFFSET_STEP * _parabola(strength, path)
     snapped: FloatArray = even + moved[:, None] * normal
     return snapped
 
 
-def snap_polygon(image: ArrayLike, corners: ArrayLike, reach: float) -> FloatArray:
+def snap_outline(image: ArrayLike, loop: ArrayLike, reach: float, step: float = 2.0) -> FloatArray:
+    """Drain `snap_outline_job`."""
+    return drain(snap_outline_job(image, loop, reach, step))
+
+
+def snap_polygon_job(image: ArrayLike, corners: ArrayLike, reach: float) -> Job[FloatArray]:
     """Polygon (n,2) whose sides are moved, as straight lines, onto the edges within `reach` pixels.
 
     -> (n,2).
     """
     photo, polygon = as_photo(image), _checked(corners)
-    origin, edges = edges_around(photo, polygon, reach)
-    starts, ends = polygon, np.roll(polygon, -1, axis=0)
-    lines = [_snapped_side(edges, a - origin, b - origin, reach) for a, b in zip(starts, ends, strict=True)]
+    count = len(polygon)
+    lines = []
+    for k in range(count):
+        side = _snapped_side_job(photo, polygon[k], polygon[(k + 1) % count], reach)
+        lines.append((yield from part(side, k / count, (k + 1) / count)))
     out = polygon.copy()
-    for k in range(len(polygon)):
+    for k in range(count):
         met = _meeting(lines[k - 1], lines[k])
-        if met is not None and np.linalg.norm(met + origin - polygon[k]) < 4 * reach:
-            out[k] = met + origin
+        if met is not None and np.linalg.norm(met - polygon[k]) < 4 * reach:
+            out[k] = met
     return out
 
 
-def edges_around(photo: ByteArray, points: FloatArray, reach: float) -> tuple[FloatArray, Gradient]:
-    """Gradient of the part of a photo around points (n,2), and the pixel (2,) of its top-left corner."""
-    margin = int(np.ceil(reach)) + 60  # the neighbourhood over which contrast is evened out
-    height, width = photo.shape[:2]
-    low = np.clip(np.floor(points.min(axis=0)).astype(int) - margin, 0, [width - 8, height - 8])
-    high = np.clip(np.ceil(points.max(axis=0)).astype(int) + margin + 1, low + 8, [width, height])
-    crop = np.ascontiguousarray(photo[low[1] : high[1], low[0] : high[0]])
-    return low.astype(np.float64), gradient(evened(lab(crop)))
+def snap_polygon(image: ArrayLike, corners: ArrayLike, reach: float) -> FloatArray:
+    """Drain `snap_polygon_job`."""
+    return drain(snap_polygon_job(image, corners, reach))
 
 
 def _checked(loop: ArrayLike) -> FloatArray:
@@ -74,29 +78,6 @@ def _checked(loop: ArrayLike) -> FloatArray:
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < 3 or not np.all(np.isfinite(points)):
         raise RegionError("An outline to snap needs at least three (u, v) corners.")
     return points
-
-
-def _best_path(strength: FloatArray) -> IndexArray:
-    """Offset index (n,) of the closed path with the most edge, neighbours at most one step apart."""
-    count, width = strength.shape
-    rolled = int(np.argmax(strength.max(axis=1)))  # start where the edge is clearest
-    ordered = np.roll(strength, -rolled, axis=0)
-    start = int(np.argmax(ordered[0]))
-    value = np.full(width, -np.inf)
-    value[start] = ordered[0, start]
-    came = np.zeros((count + 1, width), dtype=np.int64)
-    closed = np.concatenate([ordered[1:], ordered[:1]])
-    for row in range(count):
-        padded = np.concatenate([[-np.inf], value, [-np.inf]])
-        options = np.stack([padded[:-2] - _STIFFNESS, value, padded[2:] - _STIFFNESS])
-        choice = np.argmax(options, axis=0)
-        came[row + 1] = choice - 1
-        value = options[choice, np.arange(width)] + closed[row]
-    path = np.empty(count + 1, dtype=np.int64)
-    path[count] = start if np.isfinite(value[start]) else int(np.argmax(value))
-    for row in range(count, 0, -1):
-        path[row - 1] = path[row] + came[row, path[row]]
-    return np.roll(path[:count], rolled)
 
 
 def _parabola(strength: FloatArray, path: IndexArray) -> FloatArray:
@@ -110,9 +91,9 @@ def _parabola(strength: FloatArray, path: IndexArray) -> FloatArray:
     return fraction
 
 
-def _snapped_side(
-    edges: Gradient, start: FloatArray, end: FloatArray, reach: float
-) -> tuple[FloatArray, float]:
+def _snapped_side_job(
+    photo: ByteArray, start: FloatArray, end: FloatArray, reach: float
+) -> Job[tuple[FloatArray, float]]:
     """Line (unit normal, offset) through the edge near one side.
 
     Pieces vote, outvoted ones lose their weight.
@@ -125,7 +106,7 @@ def _snapped_side(
     share = (np.arange(pieces * 8) + 0.5) / (pieces * 8) * 0.94 + 0.03
     offset = np.arange(-reach, reach + 1e-9, _OFFSET_STEP)
     places = start + share[:, None, None] * vector + offset[:, None] * normal
-    across = np.sum(edges.at(places) * normal, axis=-1)
+    across = yield from across_band_job(photo, places, np.broadcast_to(normal, (len(places), 2)))
     whole = np.abs(np.mean(np.clip(across, -0.3, 0.3), axis=0)) * (
         1 - 0.15 * np.abs(offset) / max(reach, 1.0)
     )

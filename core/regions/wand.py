@@ -17,15 +17,17 @@ from ..geometry.outlines import fill_loops
 from ..jobs import Job, Progress, drain, part
 from ..settings import RegionSettings
 from . import edges, evidence
+from .choice import expected_overlaps
 from .colour import ColourMap, colour_map, grown_loop, grown_loops
 from .frames import find_frames, polygon_areas
 from .lines import LineSet, find_lines_job
 from .outline import straightened
-from .snap import snap_outline, snap_polygon
+from .snap import snap_outline_job, snap_polygon_job
 
 Kind = Literal["auto", "frame", "colour"]
 
 _CUT_OFF = 0.05  # share of an outline on the photo's edge from which the region goes on outside
+_SPAN = 0.98  # share of the photo's width or height over which a region goes on on both sides
 _BORDER = 2.0  # pixels of the working copy that count as the photo's edge
 
 
@@ -87,9 +89,9 @@ class PhotoWand:
         loops: list[FloatArray] = []
         parts: list[evidence.Outlines] = []
         if kind != "colour":
-            corners = find_frames(self.lines, point, self.settings.least_support, self.settings.line_limit)
-            loops += list(corners)
-            parts.append(evidence.outlines_of(corners))
+            frames = find_frames(self.lines, point, self.settings.least_support, self.settings.line_limit)
+            loops += list(frames.corners)
+            parts.append(evidence.outlines_of(frames.corners, frames.support))
         count = len(loops)
         if kind != "frame":
             loops += grown_loops(self.ground, point)
@@ -102,11 +104,15 @@ class PhotoWand:
         area = float(polygon_areas(loop[None])[0])
         return Level(edges.to_full(loop, self.factor), area / self.factor**2, 0.0, False)
 
-    def finished(self, level: Level) -> tuple[FloatArray, ...]:
+    def finished_job(self, level: Level) -> Job[tuple[FloatArray, ...]]:
         """Closed outlines (n,2) of a level, moved onto the edges at full resolution."""
         reach = max(2.0, self.settings.snap_reach / self.factor)
-        snap = snap_polygon if level.straight else snap_outline
-        return (snap(self.image, level.outline, reach),)
+        snap_job = snap_polygon_job if level.straight else snap_outline_job
+        return ((yield from snap_job(self.image, level.outline, reach)),)
+
+    def finished(self, level: Level) -> tuple[FloatArray, ...]:
+        """Drain `finished_job`."""
+        return drain(self.finished_job(level))
 
     def mask(self, loops: Sequence[FloatArray]) -> BoolArray:
         """Mask (H,W) of closed outlines at full resolution."""
@@ -127,8 +133,9 @@ class PhotoWand:
                 "What is here goes on outside the photo, as sky or a wall does: click a region that "
                 "the photo shows whole, or draw it with the polygon or lasso tool."
             )
+        expected = expected_overlaps(loops, score, evidence.DOUBT)
         levels = []
-        for k in _distinct(outlines, score, self.settings.level_count):
+        for k in _distinct(outlines, score, expected, self.settings.level_count):
             corners = _without_repeat(loops[k]) if straight[k] else straightened(loops[k])
             outline = edges.to_full(loops[k] if corners is None else corners, self.factor)
             area = float(outlines.area[k]) / self.factor**2
@@ -137,11 +144,12 @@ class PhotoWand:
         return WandClick(tuple(ordered), ordered.index(levels[0]))
 
     def cut_off(self, outlines: evidence.Outlines) -> BoolArray:
-        """Whether outlines (N,) run along the photo's edge."""
+        """Whether outlines (N,) run along the photo's edge, or from one edge to the opposite one."""
         height, width = self.gradient.u.shape
         last = np.array([width, height]) - 1 - _BORDER
         outside = np.any((outlines.points < _BORDER) | (outlines.points > last), axis=-1)
-        cut_off: BoolArray = outside.mean(axis=(1, 2)) > _CUT_OFF
+        spans = np.any(np.ptp(outlines.points, axis=(1, 2)) > _SPAN * last, axis=-1)
+        cut_off: BoolArray = (outside.mean(axis=(1, 2)) > _CUT_OFF) | spans
         return cut_off
 
     def _inside(self, pixel: Sequence[float] | FloatArray) -> FloatArray:
@@ -160,12 +168,15 @@ def _without_repeat(corners: FloatArray) -> FloatArray:
     return corners[:3] if len(corners) == 4 and np.array_equal(corners[3], corners[0]) else corners
 
 
-def _distinct(outlines: evidence.Outlines, score: FloatArray, count: int) -> list[int]:
-    """The best outlines, each unlike the better ones: somewhere off by 2 % of the size, or 3 pixels."""
+def _distinct(outlines: evidence.Outlines, score: FloatArray, expected: FloatArray, count: int) -> list[int]:
+    """The outline that is most to be expected, then those of best score, each unlike the ones before.
+
+    Unlike is what is somewhere off by 2 % of the size, or 3 pixels.
+    """
     kept: list[int] = []
     corners = outlines.points[:, :, [0, -1]].reshape(len(score), -1, 2)
     size = np.maximum(3.0, 0.02 * np.ptp(corners, axis=1).max(axis=1))
-    for k in np.argsort(-score, kind="stable").tolist():
+    for k in [int(np.argmax(expected)), *np.argsort(-score, kind="stable").tolist()]:
         if len(kept) == count or not np.isfinite(score[k]):
             break
         gap = np.linalg.norm(corners[k][None, :, None] - corners[kept][:, None], axis=-1)

@@ -1,10 +1,9 @@
-"""Benchmark of one-click regions on fountain-P11: `python tests/benchmarks/regions.py [--write] [PHOTO ...]`.
+"""Benchmark of one-click regions, fountain-P11: `python tests/benchmarks/regions.py [--write] [--only PART]`.
 
 One click at the centre of every reference mask (photo wand) and on the face nearest to the centre of every
 reference face set (surface wand), nothing corrected; intersection over union with the reference. Pictures
-of the
-worst go to artefacts/regions/; `--write` puts the tables into docs/benchmarks.md. Times are CPU times of
-one thread.
+go to artefacts/regions/; `--write` puts the tables into docs/benchmarks.md, `--only photo` or `--only scan`
+measures one of the wands. Times are CPU times of one thread.
 """
 
 import argparse
@@ -22,7 +21,7 @@ import numpy as np
 import trimesh
 from fresco.core.regions.surface_index import index_surface
 from fresco.core.regions.surface_wand import grow_surface, region_faces
-from fresco.core.regions.wand import prepare_wand, prepare_wand_job
+from fresco.core.regions.wand import Level, prepare_wand, prepare_wand_job
 from region_scans import facade_tables
 
 ROOT = Path(__file__).parents[2]
@@ -62,39 +61,50 @@ def photo_rows(photos):
     return rows
 
 
-def speed(photo, size=(6000, 4000)):
-    """CPU seconds on a photo enlarged to 24 Mpx.
-
-    Preparing, median and worst click, median and worst finishing, and the longest step of preparing.
-    """
-    image = cv2.imread(str(DATA / "images" / f"{photo}.jpg"))[:, :, ::-1]
-    large = cv2.resize(image, size, interpolation=cv2.INTER_CUBIC)
+def timed(job):
+    """Result of a job, its CPU seconds and those of its longest step."""
     ticks = [time.process_time()]
-    job = prepare_wand_job(large)
     try:
         while True:
             next(job)
             ticks.append(time.process_time())
     except StopIteration as done:
-        wand = done.value
-    ticks.append(time.process_time())
-    pixels = [(u, v) for v in (1200, 2000, 2800) for u in (1500, 3000, 4500)]
+        ticks.append(time.process_time())
+        return done.value, ticks[-1] - ticks[0], np.diff(ticks).max()
+
+
+def speed(photo, size=(8660, 5773)):
+    """CPU seconds on a photo enlarged to 50 Mpx, as lines of Markdown.
+
+    The largest regions are a quadrangle and a wavy oval that nearly fill the photo.
+    """
+    image = cv2.imread(str(DATA / "images" / f"{photo}.jpg"))[:, :, ::-1]
+    large = cv2.resize(image, size, interpolation=cv2.INTER_CUBIC)
+    wand, prepare, step = timed(prepare_wand_job(large))
     clicks, finishes = [], []
-    for pixel in pixels:
+    for pixel in [(u * size[0], v * size[1]) for v in (0.3, 0.5, 0.7) for u in (0.25, 0.5, 0.75)]:
         start = time.process_time()
         level = wand.click(pixel).level()
-        clicked = time.process_time()
-        wand.finished(level)
-        clicks.append(clicked - start)
-        finishes.append(time.process_time() - clicked)
-    return (
-        ticks[-1] - ticks[0],
-        np.median(clicks),
-        max(clicks),
-        np.median(finishes),
-        max(finishes),
-        np.diff(ticks).max(),
-    )
+        clicks.append(time.process_time() - start)
+        finishes.append(timed(wand.finished_job(level))[1])
+    angle = np.linspace(0, 2 * np.pi, 400, endpoint=False)
+    oval = np.stack([np.cos(angle), np.sin(angle)], axis=1) * (1 + 0.01 * np.sin(40 * angle)[:, None])
+    box = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    largest = [
+        timed(wand.finished_job(Level(np.array(size) * (0.5 + 0.45 * loop), 1.0, 0.0, straight)))
+        for loop, straight in ((box, True), (oval, False))
+    ]
+    start = time.process_time()
+    wand.mask(largest[1][0])
+    filled = time.process_time() - start
+    return [
+        f"On {size[0] * size[1] / 1e6:.0f} Mpx preparing takes {prepare:.2f} s (longest step {step:.2f} s),",
+        f"a click {np.median(clicks):.2f} s (worst {max(clicks):.2f} s) and finishing",
+        f"{np.median(finishes):.2f} s (worst {max(finishes):.2f} s). A region that fills the photo is",
+        f"finished in {largest[0][1]:.2f} s (four straight sides) or {largest[1][1]:.2f} s (oval),",
+        f"in steps of at most {max(large[2] for large in largest):.2f} s; its mask takes {filled:.2f} s.",
+        "Dragging shows what the click has found already.",
+    ]
 
 
 def picture(image, truth, loops, name):
@@ -136,64 +146,70 @@ def surface_rows():
     return rows
 
 
-def tables(photos, surfaces, seconds):
-    """Markdown of both tables."""
+def photo_table(rows, times):
+    """Markdown of the photo wand's table, from `photo_rows` and `speed`."""
     lines = [
         "One click per region at the centre of the reference, nothing corrected. “Offered” is the best that",
-        "dragging the tolerance reaches. `python tests/benchmarks/regions.py --write`",
+        "dragging the tolerance reaches. `python tests/benchmarks/regions.py --write --only photo`",
         "",
         "| photo wand, fountain-P11 | masks | IoU median | worst | offered, median |",
         "|---|---|---|---|---|",
     ]
-    for name in [*sorted({row[1] for row in photos}), "all"]:
-        chosen = np.array([row[2:4] for row in photos if name in (row[1], "all")])
+    for name in [*sorted({row[1] for row in rows}), "all"]:
+        chosen = np.array([row[2:4] for row in rows if name in (row[1], "all")])
         middle = np.median(chosen, axis=0)
         lines.append(
             f"| {name} | {len(chosen)} | {middle[0]:.3f} | {chosen[:, 0].min():.3f} | {middle[1]:.3f} |"
         )
-    clicks = np.median([row[4:6] for row in photos], axis=0)
-    prepare, click, slowest, finish, longest, step = (f"{value:.2f}" for value in seconds)
+    clicks = np.median([row[4:6] for row in rows], axis=0)
     lines += [
         "",
         f"Click {clicks[0]:.2f} s, finishing at full resolution {clicks[1]:.2f} s (median).",
-        f"On 24 Mpx preparing takes {prepare} s (longest step {step} s), a click",
-        f"{click} s (worst {slowest} s), finishing {finish} s (worst {longest} s).",
+        *times,
+    ]
+    return "\n".join(lines)
+
+
+def scan_table(rows):
+    """Markdown of the surface wand's tables, from `surface_rows`."""
+    lines = [
+        "`python tests/benchmarks/regions.py --write --only scan`",
         "",
+        "| surface wand, fountain-P11 | IoU | offered | click, s |",
+        "|---|---|---|---|",
     ]
-    lines += ["| surface wand, fountain-P11 | IoU | offered | click, s |", "|---|---|---|---|"]
-    lines += [
-        f"| {name} | {share:.3f} | {best:.3f} | {seconds:.2f} |" for name, share, best, seconds in surfaces
-    ]
-    middle = np.median([row[1:] for row in surfaces], axis=0)
+    lines += [f"| {name} | {share:.3f} | {best:.3f} | {taken:.2f} |" for name, share, best, taken in rows]
+    middle = np.median([row[1:] for row in rows], axis=0)
     lines.append(f"| median | {middle[0]:.3f} | {middle[1]:.3f} | {middle[2]:.2f} |")
     return "\n".join([*lines, *facade_tables()])
 
 
-def write(text):
-    """Put the tables between the markers of docs/benchmarks.md."""
-    begin, end = "<!-- regions -->", "<!-- /regions -->"
-    document = DOCUMENT.read_text()
-    if begin not in document:
-        document = document.rstrip() + f"\n\n## Regions from one click\n\n{begin}\n{end}\n"
-    head, rest = document.split(begin, 1)
-    tail = rest.split(end, 1)[1]
-    DOCUMENT.write_text(f"{head}{begin}\n{text}\n{end}{tail}")
+def write(part, text):
+    """Put a table between its markers of docs/benchmarks.md."""
+    begin, end = f"<!-- regions: {part} -->", f"<!-- regions: {part}, end -->"
+    head, rest = DOCUMENT.read_text().split(begin, 1)
+    DOCUMENT.write_text(f"{head}{begin}\n{text}\n{end}{rest.split(end, 1)[1]}")
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("photos", nargs="*")
+    parser.add_argument("--only", choices=("photo", "scan"))
     parser.add_argument("--write", action="store_true")
     arguments = parser.parse_args()
     if not DATA.is_dir():
         sys.exit(f"{DATA} is not there")
-    for old in PICTURES.glob("*.png"):
-        old.unlink()
-    photos = arguments.photos or sorted(path.name for path in (DATA / "masks").iterdir())
-    text = tables(photo_rows(photos), surface_rows(), speed(photos[0]))
-    print(text)
-    if arguments.write:
-        write(text)
+    found = {}
+    if arguments.only != "scan":
+        for old in PICTURES.glob("*.png"):
+            old.unlink()
+        photos = sorted(path.name for path in (DATA / "masks").iterdir())
+        found["photo"] = photo_table(photo_rows(photos), speed(photos[0]))
+    if arguments.only != "photo":
+        found["scan"] = scan_table(surface_rows())
+    for part, text in found.items():
+        print(text)
+        if arguments.write:
+            write(part, text)
 
 
 if __name__ == "__main__":

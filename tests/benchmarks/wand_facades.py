@@ -1,8 +1,8 @@
 """Drawn facades with known regions, from which the photo wand learns what outlines look like.
 
-A wall of ashlar, brick or plaster carries cornices, carved and plain panels, paintings, windows, doors,
-tablets, pediments, arches and discs, as a relief in pixels and a colour. It is lit, shadowed, seen in
-perspective, blurred, given noise and stored as JPEG. Everything comes from the seed.
+A wall of ashlar, brick or plaster carries cornices, carved, plain and fretted panels, paintings, windows,
+doors, tablets, pediments, arches and discs, as a relief in pixels and a colour. It is stained, lit, shadowed,
+seen in perspective, blurred, given noise and stored as JPEG. Everything comes from the seed.
 `python tests/benchmarks/wand_facades.py` puts a sheet of twelve into artefacts/regions/facades.png.
 """
 
@@ -15,7 +15,10 @@ import numpy as np
 WIDTH, HEIGHT = 1800, 1300  # pixels of the wall
 PHOTO = (1536, 1024)
 SHEET = Path(__file__).parents[2] / "artefacts" / "regions" / "facades.png"
-KINDS = [*["carved"] * 8, "plain", "painting", "window", "door", "tablet", "pediment", "arch", "disc"]
+KINDS = [
+    *[*["carved"] * 5, *["fret"] * 5],
+    *["plain", "painting", "window", "door", "tablet", "pediment", "pediment", "arch", "disc"],
+]
 
 
 def fractal(rng, shape, octaves=6, low=2):
@@ -101,13 +104,9 @@ class Wall:
         wide, tall = w - 2 * margin, h - 2 * margin
         if wide < 20 or tall < 20:
             return
-        count = max(1, round(max(wide, tall) / min(wide, tall) / r.uniform(0.8, 2)))
-        size = (wide // count, tall) if wide > tall else (wide, tall // count)
-        tile = motif(r, *size)
-        full = np.tile(tile, (1, count) if wide > tall else (count, 1)).astype(np.float32)
-        soft = cv2.GaussianBlur(full, (0, 0), r.uniform(0.8, 3))
+        soft = repeated(r, wide, tall)
         left, top = x + margin, y + margin
-        place = np.s_[top : top + full.shape[0], left : left + full.shape[1]]
+        place = np.s_[top : top + soft.shape[0], left : left + soft.shape[1]]
         self.relief[place] += soft * (r.uniform(4, 14) if r.random() < 0.5 else r.uniform(10, 30))
         if r.random() < 0.4:
             self.colour[place] *= 1 - (1 - soft[..., None]) * np.float32(r.uniform(0.1, 0.5))
@@ -140,6 +139,34 @@ class Wall:
         if kind == "carved":
             self.ornament(x, y, w, h)
         self.rectangle(kind, x, y, w, h)
+
+    def fret(self, kind, x, y, w, h):
+        """A face with a plain border around a pattern whose ground is sunk: strapwork, tracery, grooves."""
+        r = self.rng
+        self.relief[y : y + h, x : x + w] = cv2.GaussianBlur(self.relief[y : y + h, x : x + w], (0, 0), 6)
+        self.colour[y : y + h, x : x + w] = self.base
+        x, y, w, h = self.moulding(x, y, w, h) if r.random() < 0.6 else (x, y, w, h)
+        self.relief[y : y + h, x : x + w] += r.uniform(-6, 8)
+        self.colour[y : y + h, x : x + w] *= np.float32(1 + r.normal(0, 0.05))
+        border = int(min(w, h) * r.uniform(0.05, 0.2))
+        wide, tall = w - 2 * border, h - 2 * border
+        if wide >= 20 and tall >= 20:
+            ground = 1 - repeated(r, wide, tall)
+            top, left = y + (h - ground.shape[0]) // 2, x + (w - ground.shape[1]) // 2
+            place = np.s_[top : top + ground.shape[0], left : left + ground.shape[1]]
+            self.relief[place] -= ground * r.uniform(3, 14)
+            tint = np.float32(r.uniform(0, 0.45)) * (1 + r.normal(0, 0.1, 3)).astype(np.float32)
+            self.colour[place] *= 1 - ground[..., None] * tint
+        self.rectangle(kind, x, y, w, h)
+
+    def stains(self):
+        """Water that ran down, soot, lichen: large soft patches and streaks, darker or lighter."""
+        r = self.rng
+        streaks = cv2.resize(fractal(r, (8, WIDTH), 7, 8), (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC)
+        patches = fractal(r, (HEIGHT, WIDTH), 5, 3)
+        dark = np.clip(0.6 * patches + r.uniform(0, 0.6) * streaks - r.uniform(0.3, 1.5), 0, 1.5)
+        tint = np.float32(r.uniform(0.1, 0.45)) * (1 + r.normal(0, 0.15, 3)).astype(np.float32)
+        self.colour *= 1 - (dark / 1.5)[..., None] * tint
 
     def painting(self, kind, x, y, w, h):
         r = self.rng
@@ -248,6 +275,15 @@ class Wall:
         self.regions.append((kind, outline))
 
 
+def repeated(r, wide, tall):
+    """Motifs side by side along the longer side of a box, 1 where they stand out, with soft edges."""
+    count = max(1, round(max(wide, tall) / min(wide, tall) / r.uniform(0.8, 2)))
+    size = (wide // count, tall) if wide > tall else (wide, tall // count)
+    tile = motif(r, *size)
+    full = np.tile(tile, (1, count) if wide > tall else (count, 1)).astype(np.float32)
+    return cv2.GaussianBlur(full, (0, 0), r.uniform(0.8, 3))
+
+
 def motif(r, wide, tall):
     """One ornament, 1 where it stands out."""
     tile = np.zeros((tall, wide), np.uint8)
@@ -323,11 +359,11 @@ def built(rng):
     rows = rng.integers(1, 4)
     bounds = np.linspace(60, HEIGHT - 60, rows + 1)
     for upper, lower in pairwise(bounds):
-        count = rng.choice([1, 2, 3, 4, 6])
+        count = rng.choice([1, 2, 3, 4, 6, 9])
         columns = np.linspace(80, WIDTH - 80, count + 1)
         top, bottom = upper + rng.uniform(5, 60), lower - rng.uniform(5, 60)
-        if rng.random() < 0.25:
-            bottom = top + (bottom - top) * rng.uniform(0.25, 0.5)
+        if rng.random() < 0.35:
+            bottom = top + (bottom - top) * rng.uniform(0.2, 0.5)
         gap = rng.uniform(6, 70)
         same = rng.random() < 0.6
         for left, right in zip(columns[:-1] + gap / 2, columns[1:] - gap / 2, strict=True):
@@ -337,6 +373,8 @@ def built(rng):
             narrow = rng.random() < 0.5 and right - left > 250 and not same
             wide = (right - left) * (rng.uniform(0.4, 0.9) if narrow else 1.0)
             wall.element(int(left), int(t), int(wide), int(b - t))
+    if rng.random() < 0.5:
+        wall.stains()
     return wall
 
 

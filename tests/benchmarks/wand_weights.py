@@ -3,11 +3,13 @@
 One click near the middle of every region of `wand_facades`; the wand's own candidates there are measured, and
 each has its overlap (IoU) with the region. A logistic choice among the candidates of a click, which goes to
 those of high overlap, gives the weights. Printed are the overlaps that three-fold cross-validation by facade
-reaches, and the weights as `evidence.WEIGHTS` has them. Seeds of other facades: `--seeds FIRST COUNT ...`.
+reaches with several doubts (`evidence.DOUBT`), and the weights as `evidence.WEIGHTS` has them. Seeds of other
+facades: `--seeds FIRST COUNT ...`.
 """
 
 import argparse
 import os
+from multiprocessing import Pool
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -15,20 +17,27 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import cv2
 import numpy as np
 from fresco.core.regions import edges, evidence
+from fresco.core.regions.choice import expected_overlaps
 from fresco.core.regions.frames import polygon_moments
 from fresco.core.regions.wand import prepare_wand
 from scipy.optimize import minimize
 from wand_facades import facade
 
-SEEDS = (100, 20, 200, 20)  # first and count, twice
+SEEDS = (100, 25, 200, 25)  # first and count, twice
 FOLDS = 3
+DOUBTS = (0.01, 1.0, 1.5, 2.0, 3.0, 5.0)  # the first takes the best score
 REGULARISATION = 3e-3
 SPREAD = 0.12  # of clicks around the middle, in standard deviations of the region
 OFFERED = 0.8  # overlap that some candidate has to reach: else there is nothing to choose
 CENTRAL = -0.8  # log odds of the click under the best candidate: below, it is not of this region's middle
-FREE = {"rival edge outwards of the sides", "outline of like colour, not of straight lines"}  # of any sign
+FREE = {
+    "strength of the gradient across the sides (log)",
+    "strength of the gradient across the faintest side (log)",
+    "rival edge outwards of the sides",
+    "outline of like colour, not of straight lines",
+}  # of any sign
 NEGATIVE = {
-    "rival edge inwards of the sides",
+    "edges go on beyond the corners",
     "colour differs between sides and middle",
     "texture differs between sides and middle",
     "opposite sides are not parallel",
@@ -56,7 +65,7 @@ def overlaps(loops, truth):
 
 
 def choices(seed):
-    """One (evidence (N,14), IoU (N,)) for every region of a facade that can be chosen."""
+    """One (evidence (N,17), IoU (N,), outlines) for every region of a facade that can be chosen."""
     image, regions = facade(seed)
     wand = prepare_wand(np.ascontiguousarray(image[:, :, ::-1]))
     rng = np.random.default_rng(seed + 1000)
@@ -73,13 +82,14 @@ def choices(seed):
         usable = bounds & ~wand.cut_off(outlines)
         if usable.any():
             shares = overlaps(loops, truth)
-            found.append((np.nan_to_num(values[usable]), shares[usable]))
+            left = [loops[k] for k in np.flatnonzero(usable)]
+            found.append((np.nan_to_num(values[usable]), shares[usable], left))
     return found
 
 
 def teachable(choice):
     """Whether a good candidate is there, and the click is near its middle."""
-    values, shares = choice
+    values, shares, _ = choice
     best = np.argmax(shares)
     return shares[best] > OFFERED and values[best, NAMES.index("the click is central (log odds)")] > CENTRAL
 
@@ -102,22 +112,27 @@ def loss(weights, clicks):
 
 
 def learned(clicks):
-    """Weights (14,) from clicks; each has the sign that its evidence must have."""
-    values = np.concatenate([values for values, _ in clicks])
+    """Weights (17,) from clicks; each has the sign that its evidence must have."""
+    values = np.concatenate([values for values, _, _ in clicks])
     scale = values.std(axis=0) + 1e-9
     bounds = [(None, None) if n in FREE else (None, 0) if n in NEGATIVE else (0, None) for n in NAMES]
-    scaled = [(v / scale, shares) for v, shares in clicks]
+    scaled = [(v / scale, shares) for v, shares, _ in clicks]
     found = minimize(loss, np.zeros(len(NAMES)), (scaled,), jac=True, method="L-BFGS-B", bounds=bounds)
     return found.x / scale
 
 
-def chosen(weights, clicks):
-    """IoU of the candidate that the weights choose, for every click."""
-    return np.array([shares[np.argmax(values @ weights)] for values, shares in clicks])
+def chosen(weights, doubt, clicks):
+    """IoU of the candidate that the wand would choose, for every click."""
+    return np.array(
+        [
+            shares[np.argmax(expected_overlaps(loops, values @ weights, doubt))]
+            for values, shares, loops in clicks
+        ]
+    )
 
 
 def validated(facades):
-    """IoU of the choice on every usable click, by weights learned from the other facades."""
+    """IoU (D,n) of the choice on every usable click for all doubts, by weights from the other facades."""
     fold = np.arange(len(facades)) * FOLDS // len(facades)
     reached = []
     for k in range(FOLDS):
@@ -125,8 +140,9 @@ def validated(facades):
             c for f, clicks in zip(fold, facades, strict=True) if f != k for c in clicks if teachable(c)
         ]
         held = [c for f, clicks in zip(fold, facades, strict=True) if f == k for c in clicks]
-        reached.append(chosen(learned(others), held))
-    return np.concatenate(reached)
+        weights = learned(others)
+        reached.append([chosen(weights, doubt, held) for doubt in DOUBTS])
+    return np.concatenate(reached, axis=1)
 
 
 def summary(name, shares):
@@ -142,12 +158,14 @@ def main():
     parser.add_argument("--seeds", nargs="+", type=int, default=SEEDS, metavar="N")
     seeds = parser.parse_args().seeds
     spans = zip(seeds[::2], seeds[1::2], strict=True)
-    facades = [choices(first + k) for first, count in spans for k in range(count)]
+    with Pool() as pool:
+        facades = pool.map(choices, [first + k for first, count in spans for k in range(count)], 1)
     clicks = [choice for found in facades for choice in found]
     usable = [choice for choice in clicks if teachable(choice)]
-    summary(f"best candidate of {len(clicks)} clicks", np.array([shares.max() for _, shares in clicks]))
-    summary("present weights", chosen(np.array(list(evidence.WEIGHTS.values())), clicks))
-    summary("cross-validated", validated(facades))
+    summary(f"best candidate of {len(clicks)} clicks", np.array([shares.max() for _, shares, _ in clicks]))
+    summary("present weights", chosen(np.array(list(evidence.WEIGHTS.values())), evidence.DOUBT, clicks))
+    for doubt, reached in zip(DOUBTS, validated(facades), strict=True):
+        summary(f"cross-validated, DOUBT {doubt}", reached)
     print(f"WEIGHTS from {len(usable)} clicks")
     for name, value in zip(NAMES, learned(usable), strict=True):
         print(f'    "{name}": {value:.2f},')
