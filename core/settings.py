@@ -51,8 +51,8 @@ class RegionSettings:
     seed_patches: int = 50
     """Small patches around a click on the scan that make the first plane."""
 
-    surface_levels: int = 14
-    """Tolerances that a click on the scan tries, from the scan's noise up, each 1.35 times the one before."""
+    surface_levels: int = 10
+    """Tolerances that a click on the scan tries, from the scan's noise up, each 1.5 times the one before."""
 
     tilt: float = 0.15
     """How far (m per m) the surface may leave the first plane: that one is uncertain far from the click."""
@@ -242,7 +242,8 @@ class AtlasSettings:
     """Baking an atlas for delivery."""
 
     texel_size: float = 0.0
-    """Side of a texel on the surface (m); 0 takes the median of what the photos show."""
+    """Side of a texel on the surface (m). 0 copies the photos pixel by pixel, whatever their size; charts
+    that follow the surface take the median then."""
 
     charts: Literal["photos", "surface"] = "photos"
     """Charts as the photos show the faces, which keeps most detail, or flattened from the surface alone
@@ -258,7 +259,8 @@ class AtlasSettings:
     """Bits per channel."""
 
     blend_rings: int = 4
-    """Rings of faces over which low frequencies cross-fade at seams; fine detail takes one. 0: none."""
+    """Rings of faces over which the lowest frequencies cross-fade at seams; every octave above takes half as
+    many, fine detail one. 0: none."""
 
 
 @dataclass(frozen=True)

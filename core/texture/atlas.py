@@ -15,11 +15,11 @@ from ..files import replacing
 from ..jobs import Job, Progress, drain, part
 from ..photos.view import View
 from ..settings import AtlasSettings
-from .blending import blend_shares
+from .bands import BandMix, PhotoBands, mix_bands
 from .charts import ChartLayout, photo_charts
 from .colour_correction import ColourCorrection
 from .detail import DetailSurface
-from .images import read_deep_photo, sample_image, to_bytes, to_linear, to_srgb, view_name
+from .images import to_bytes, to_srgb, view_name
 from .levelling import SeamLevels
 from .raster import Texels, rasterise
 from .selection import Selection
@@ -29,16 +29,15 @@ from .visibility import project
 
 NEUTRAL = 0.2140
 """Linear value of the grey that unseen faces get: 128 of 255 in sRGB."""
-_LOW_TEXELS = 16.0
-"""Length on the surface, in median texels, over which low frequencies are averaged in every photo."""
 _TEXELS = 1 << 20
-_REDUCED = 0.7
-"""A photo whose pixels are this much smaller than the texels is reduced to these before it is sampled."""
 
 
 @dataclass(frozen=True, eq=False)
 class Atlas:
-    """A baked atlas: `layout` says where faces lie, `paths` are the pages in UDIM order, 1001 first."""
+    """A baked atlas: `layout` says where faces lie, `paths` are the pages in UDIM order, 1001 first.
+
+    `texel_size` (m) is the one asked for, or the median of what the photos show.
+    """
 
     layout: ChartLayout
     paths: tuple[Path, ...]
@@ -99,79 +98,33 @@ def bake_atlas_job(
     yield Progress(0.0, "Laying out the atlas")
     size, padding = settings.page_size, settings.padding
     if settings.charts == "photos":
-        layout = photo_charts(triangles, len(points), selection, texel, size, padding)
+        scaled = settings.texel_size
+        layout = photo_charts(triangles, len(points), selection, scaled, size, padding)
     else:
+        scaled = texel
         charts = surface_charts_job(points, triangles, selection.view, texel, size, padding)
         layout = yield from part(charts, 0.0, 0.05)
     yield Progress(0.05, "Finding what to blend")
-    mix = _mix(points, triangles, selection, views, settings, levels)
+    mix = mix_bands(points, triangles, selection, views, settings.blend_rings, levels)
     relief = DetailSurface(points, triangles, detail) if detail is not None else None
     paths = tuple(Path(folder) / f"{stem}.{1001 + page}.png" for page in range(layout.pages))
     with ExitStack() as together:  # the pages get their names when all are there
         for page, path in enumerate(paths):
             file = together.enter_context(replacing(path))
-            model = _Model(points, triangles, selection, views, texel, relief, correction)
-            baking = _bake_page_job(page, layout, model, mix)
+            model = _Model(points, triangles, selection, views, scaled, relief, correction)
+            baking = _bake_page_job(page, layout, model, mix, settings.depth)
             start, end = (0.1 + 0.9 * (page + k) / layout.pages for k in (0, 1))
-            linear = yield from part(baking, start, end, f"Page {page + 1} of {layout.pages}: ")
-            file.write(_coded_page(linear, settings.depth))
+            codes = yield from part(baking, start, end, f"Page {page + 1} of {layout.pages}: ")
+            file.write(_as_png(codes))
     return Atlas(layout, paths, texel)
 
 
 @dataclass(frozen=True, eq=False)
-class _Mix:
-    """What goes into every face: photo `view` (N,) on `face` (N,), sorted by face.
-
-    `low` and `high` (N,3) are its shares at the corners for low frequencies and for the rest; `factor`
-    (N,3,3) the linear RGB factors there that level the seams. `low_scale` (V,) reduces each photo to its low
-    frequencies, the same on the surface whatever the photo's resolution.
-    """
-
-    face: IndexArray
-    view: IntArray
-    low: Float32Array
-    high: Float32Array
-    factor: Float32Array
-    low_scale: FloatArray
-
-
-def _mix(
-    points: FloatArray,
-    faces: IntArray,
-    selection: Selection,
-    views: Sequence[View],
-    settings: AtlasSettings,
-    levels: SeamLevels | None,
-) -> _Mix:
-    """Low frequencies cross-fade over `blend_rings` rings of faces, the rest over one."""
-    rings = settings.blend_rings
-    high = blend_shares(points, faces, selection.view, views, min(rings, 1))
-    low = blend_shares(points, faces, selection.view, views, rings) if rings > 1 else high
-    count = len(views)
-    keys = [blend.face.astype(np.int64) * count + blend.view for blend in (low, high)]
-    key = np.union1d(*keys)
-    shares = np.zeros((2, len(key), 3), dtype=np.float32)
-    for band, blend in enumerate((low, high)):
-        shares[band, np.searchsorted(key, keys[band])] = blend.share
-    face, view = key // count, (key % count).astype(np.int32)
-    factor = np.ones((len(key), 3, 3), dtype=np.float32)
-    if levels is not None:
-        factor = levels.at(view[:, None], faces[face])
-    return _Mix(face, view, shares[0], shares[1], factor, _low_scales(selection, count))
-
-
-def _low_scales(selection: Selection, view_count: int) -> FloatArray:
-    usual = float(np.nanmedian(selection.texel_size))
-    scales = np.full(view_count, 1 / _LOW_TEXELS)
-    for number in np.unique(selection.view[selection.view >= 0]):
-        own = float(np.median(selection.texel_size[selection.view == number]))
-        scales[number] = np.clip(own / (_LOW_TEXELS * usual), 1 / 64, 1 / 4)
-    return scales
-
-
-@dataclass(frozen=True, eq=False)
 class _Model:
-    """The textured mesh (V,3) m, (F,3), the size of a texel on it (m), and what is done to its texels."""
+    """The textured mesh (V,3) m, (F,3), the size of a texel on it (m), and what is done to its texels.
+
+    Where the size is 0 texels are the pixels of the photos.
+    """
 
     points: FloatArray
     faces: IntArray
@@ -182,31 +135,34 @@ class _Model:
     correction: ColourCorrection | None
 
 
-def _bake_page_job(page: int, layout: ChartLayout, model: _Model, mix: _Mix) -> Job[Float32Array]:
-    """Linear colours of one page (size,size,3)."""
+def _bake_page_job(page: int, layout: ChartLayout, model: _Model, mix: BandMix, depth: int) -> Job[AnyArray]:
+    """Codes of one page, (size,size,3) sRGB in 8 or 16 bits."""
     yield Progress(0.0, "finding its texels")
     chosen = _faces_of_page(layout, page, model.selection.view)
     texels = rasterise(layout.uv[chosen], layout.size)
-    on_page = np.zeros(len(model.faces), dtype=np.bool_)
-    on_page[chosen] = True
-    rows = np.flatnonzero(on_page[mix.face])
     colour = np.zeros((len(texels.face), 3), dtype=np.float32)
+    place = np.full(len(model.faces), -1, dtype=np.int64)
+    place[chosen] = np.arange(len(chosen))
+    rows = np.flatnonzero(place[mix.face] >= 0)
     needed = np.unique(mix.view[rows])
     for count, number in enumerate(needed.tolist()):
         name = view_name(model.views[number], number)
         yield Progress((count + 0.2) / (len(needed) + 1), f"resampling {name}")
+        entry_of_face = np.full(len(chosen), -1, dtype=np.int64)
         of_photo = rows[mix.view[rows] == number]
-        local = np.searchsorted(chosen, mix.face[of_photo])
-        _add_photo(colour, texels, local, model, number, mix, of_photo)
+        entry_of_face[place[mix.face[of_photo]]] = of_photo
+        _add_photo(colour, texels, entry_of_face, model, number, mix)
     if model.correction is not None:
         colour = model.correction.apply(colour).astype(np.float32)
     colour[model.selection.view[chosen[texels.face]] < 0] = np.float32(NEUTRAL)
-    image = np.full((layout.size, layout.size, 3), np.float32(NEUTRAL))
-    filled = np.zeros((layout.size, layout.size), dtype=np.bool_)
-    image[texels.row, texels.column] = colour
-    filled[texels.row, texels.column] = True
     yield Progress(0.95, "filling the margins")
-    return fill_margins(image, filled) if len(texels.face) else image
+    image = np.broadcast_to(_coded(np.full(3, NEUTRAL), depth), (layout.size, layout.size, 3)).copy()
+    filled = np.zeros((layout.size, layout.size), dtype=np.bool_)
+    image[texels.row, texels.column] = _coded(colour, depth)
+    filled[texels.row, texels.column] = True
+    if len(texels.face):
+        fill_margins(image, filled)
+    return image
 
 
 def _faces_of_page(layout: ChartLayout, page: int, view: IntArray) -> IndexArray:
@@ -218,88 +174,63 @@ def _faces_of_page(layout: ChartLayout, page: int, view: IntArray) -> IndexArray
     return np.flatnonzero(on_page)
 
 
-@dataclass(frozen=True, eq=False)
-class _Bands:
-    """A photo (H,W,3), reduced by `scale`, with its gain; and its `low` frequencies in linear light."""
-
-    full: AnyArray
-    low: Float32Array
-    gain: FloatArray
-    low_scale: float
-    scale: float
-
-    @classmethod
-    def of_photo(cls, view: View, number: int, gain: FloatArray, low_scale: float, scale: float) -> _Bands:
-        """Read a photo; a `scale` well below 1 reduces it to the atlas's texels, lest it alias."""
-        full = read_deep_photo(view, number)
-        small = cv2.resize(full, None, fx=low_scale, fy=low_scale, interpolation=cv2.INTER_AREA)
-        low = cv2.GaussianBlur(to_linear(small), (0, 0), 1.0)
-        if scale < _REDUCED:
-            full = cv2.resize(full, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-        else:
-            scale = 1.0
-        return cls(full, np.asarray(low, dtype=np.float32), gain, low_scale, scale)
-
-    def at(self, pixels: FloatArray) -> tuple[Float32Array, Float32Array]:
-        """Low frequencies and the rest at pixels: (n,2) -> (n,3), (n,3) linear."""
-        low = sample_image(self.low, (pixels + 0.5) * self.low_scale - 0.5)
-        full = to_linear(sample_image(self.full, (pixels + 0.5) * self.scale - 0.5, cubic=True))
-        gain = self.gain.astype(np.float32)
-        return low * gain, (full - low) * gain
-
-
 def _add_photo(
-    colour: Float32Array,
-    texels: Texels,
-    local: IndexArray,
-    model: _Model,
-    number: int,
-    mix: _Mix,
-    rows: IndexArray,
+    colour: Float32Array, texels: Texels, entry_of_face: IndexArray, model: _Model, number: int, mix: BandMix
 ) -> None:
-    """Add the share of photo `number` to the texels of the page's faces `local` (n,), entries `rows` (n,)."""
-    own = float(np.nanmedian(model.selection.texel_size[mix.face[rows]]))
-    gain, low_scale = model.selection.gain[number], mix.low_scale[number]
-    photo = _Bands.of_photo(model.views[number], number, gain, low_scale, own / model.texel)
-    row_of_face = np.full(int(texels.face.max(initial=-1)) + 1, -1, dtype=np.int64)
-    known = local < len(row_of_face)
-    row_of_face[local[known]] = np.flatnonzero(known)
-    for start in range(0, len(texels.face), _TEXELS):
-        part_rows = row_of_face[texels.face[start : start + _TEXELS]]
-        here = np.flatnonzero(part_rows >= 0)
-        texel, entry = here + start, rows[part_rows[here]]
-        weights = texels.weights[texel].astype(np.float64)
-        face = mix.face[entry]
-        places = np.einsum("nk,nkc->nc", weights, model.points[model.faces[face]])
-        if model.relief is not None:
-            places = model.relief.beneath(places, face, weights)
-        low, high = photo.at(np.nan_to_num(project(model.views[number], places)))
-        inside = np.clip(weights, 0, 1)
-        inside /= inside.sum(axis=1, keepdims=True)
-        low *= np.einsum("nk,nk->n", inside, mix.low[entry])[:, None].astype(np.float32)
-        high *= np.einsum("nk,nk->n", inside, mix.high[entry])[:, None].astype(np.float32)
-        level = np.einsum("nk,nkc->nc", inside, mix.factor[entry])
-        colour[texel] += (low + high) * level.astype(np.float32)
+    """Add photo `number` to the texels of the page; `entry_of_face` is its entry of the mix, or -1."""
+    chosen = np.flatnonzero((entry_of_face >= 0)[texels.face])
+    entries = entry_of_face[entry_of_face >= 0]
+    own = float(np.nanmedian(model.selection.texel_size[mix.face[entries]]))
+    scale = own / model.texel if model.texel > 0 else 1.0
+    gain = model.selection.gain[number]
+    photo = PhotoBands.of_photo(model.views[number], number, gain, mix.scale[:, number], scale)
+    for start in range(0, len(chosen), _TEXELS):
+        texel = chosen[start : start + _TEXELS]
+        entry = entry_of_face[texels.face[texel]]
+        single = mix.alone[entry]
+        for part_of, mixed in ((single, False), (~single, True)):
+            at, rows = texel[part_of], entry[part_of]
+            weights = texels.weights[at]
+            pixels = _texel_pixels(model, mix.face[rows], weights, model.views[number])
+            inside = np.clip(weights, 0, 1)
+            inside /= inside.sum(axis=1, keepdims=True)
+            if mixed:
+                shown = photo.mixed(pixels, np.einsum("nk,bnk->bn", inside, mix.share[:, rows]))
+            else:
+                shown = photo.whole(pixels)
+            if mix.factor is not None:
+                shown *= np.einsum("nk,nkc->nc", inside, mix.factor[rows])
+            colour[at] += shown
 
 
-def fill_margins(image: Float32Array, filled: BoolArray) -> Float32Array:
+def _texel_pixels(model: _Model, face: IndexArray, weights: Float32Array, view: View) -> FloatArray:
+    """Pixels (n,2) of a photo at which the texels' places on the surface lie."""
+    share = weights.astype(np.float64)
+    places = np.zeros((len(face), 3))
+    for corner in range(3):
+        places += share[:, corner, None] * model.points[model.faces[face, corner]]
+    if model.relief is not None:
+        places = model.relief.beneath(places, face, share)
+    return np.nan_to_num(project(view, places))
+
+
+def fill_margins(image: AnyArray, filled: BoolArray) -> None:
     """Give every empty texel the colour of the nearest filled one, so that mip levels stay clean.
 
-    (H,W,3), (H,W) -> (H,W,3).
+    Changes the image (H,W,3); `filled` (H,W).
     """
     empty = (~filled).astype(np.uint8)
     _, label = cv2.distanceTransformWithLabels(empty, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
-    row, column = np.nonzero(filled)
     source = np.zeros(int(label.max()) + 1, dtype=np.int64)
-    source[label[row, column]] = row * filled.shape[1] + column
-    flat = image.reshape(-1, 3)
-    out = image.copy()
-    out[~filled] = flat[source[label[~filled]]]
-    return out
+    source[label[filled]] = np.flatnonzero(filled)
+    image[~filled] = image.reshape(-1, 3)[source[label[~filled]]]
 
 
-def _coded_page(linear: Float32Array, depth: int) -> bytes:
-    """Code a page as PNG in 8 or 16 bits."""
+def _coded(linear: Float32Array | FloatArray, depth: int) -> AnyArray:
+    """Values in sRGB of linear light, in 8 or 16 bits."""
     srgb = to_srgb(linear)
-    codes = to_bytes(srgb) if depth == 8 else np.rint(srgb * np.float32(65535)).astype(np.uint16)
+    return to_bytes(srgb) if depth == 8 else np.rint(srgb * np.float32(65535)).astype(np.uint16)
+
+
+def _as_png(codes: AnyArray) -> bytes:
     return cv2.imencode(".png", codes[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 3])[1].tobytes()

@@ -2,8 +2,7 @@
 
 At a vertex each photo counts by the area of the faces around it that take it; inside a face the shares are
 interpolated, so colours are continuous across seams. Spreading the shares over more rings of faces widens the
-transition: wide for low frequencies, one ring for fine detail, which would ghost. Source: Burt and Adelson
-1983, with two bands and with the mesh in place of the image plane.
+transition; `bands` says how wide it is for what.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_matrix, diags
 
-from ..arrays import Float32Array, FloatArray, IndexArray, IntArray
+from ..arrays import BoolArray, Float32Array, FloatArray, IndexArray, IntArray
 from ..geometry.meshes import face_normals
 from ..geometry.rays import RayCaster, local_centre
 from ..photos.view import View
@@ -23,9 +22,9 @@ from .visibility import project
 
 @dataclass(frozen=True, eq=False)
 class Blend:
-    """N shares: photo `view` (N,) counts on face `face` (N,) with `share` (N,3) at its corners.
+    """N shares: photo `view` (N,) counts on face `face` (N,) with `share` (B,N,3) at its corners.
 
-    Sorted by face; the shares of a face add up to 1 at each corner.
+    Sorted by face; in each of the B bands the shares of a face add up to 1 at each corner.
     """
 
     face: IndexArray
@@ -34,31 +33,37 @@ class Blend:
 
 
 def blend_shares(
-    vertices: FloatArray, faces: IntArray, view: IntArray, views: Sequence[View], rings: int
+    vertices: FloatArray, faces: IntArray, view: IntArray, views: Sequence[View], rings: Sequence[int]
 ) -> Blend:
     """Shares of the photos on every textured face: (V,3) m, (F,3), chosen photos (F,) -> Blend.
 
-    A photo is blended in only where it sees the face whole. `rings` of faces on either side take part; with 0
-    each face takes its own photo.
+    A photo is blended in only where it sees the face whole. In each band as many `rings` of faces on either
+    side of a seam take part; with 0 each face takes its own photo.
     """
     seen = np.flatnonzero(view >= 0)
-    own = Blend(seen, view[seen], np.ones((len(seen), 3), np.float32))
-    if rings <= 0 or len(seen) == 0:
-        return own
+    if max(rings) <= 0 or len(seen) == 0:
+        return Blend(seen, view[seen], np.ones((len(rings), len(seen), 3), np.float32))
     area = face_normals(vertices, faces)[1]
-    shares = _vertex_shares(faces, view, area, len(vertices), len(views), rings)
-    foreign = _other_photos(faces, view, shares)
-    foreign = _seeing(vertices, faces, foreign, views)
-    face = np.concatenate([own.face, foreign.face])
-    number = np.concatenate([own.view, foreign.view])
+    shares = [_vertex_shares(faces, view, area, len(vertices), len(views), number) for number in rings]
+    foreign_face, foreign_view = _other_photos(faces, view, sum(shares[1:], shares[0]))
+    sees = _sees(vertices, faces, foreign_face, foreign_view, views)
+    face = np.concatenate([seen, foreign_face[sees]])
+    number = np.concatenate([view[seen], foreign_view[sees]])
     order = np.lexsort((number, face))
     face, number = face[order], number[order].astype(np.int32)
+    own = number == view[face]
+    return Blend(face, number, np.stack([_corner_shares(one, faces, face, number, own) for one in shares]))
+
+
+def _corner_shares(
+    shares: csr_matrix, faces: IntArray, face: IndexArray, number: IntArray, own: BoolArray
+) -> Float32Array:
+    """Shares (N,3) at the corners; photos that do not see the face leave theirs to the others."""
     share = np.stack([_at(shares, faces[face, corner], number) for corner in range(3)], axis=1)
-    # Photos that do not see the face leave their share to the others.
     total = np.stack([np.bincount(face, share[:, k], len(faces)) for k in range(3)], axis=1)[face]
     lonely = total <= 0
-    share = np.where(lonely, (number == view[face])[:, None], share / np.where(lonely, 1, total))
-    return Blend(face, number, share.astype(np.float32))
+    kept: Float32Array = np.where(lonely, own[:, None], share / np.where(lonely, 1, total)).astype(np.float32)
+    return kept
 
 
 def _vertex_shares(
@@ -89,8 +94,8 @@ def _normalised(matrix: csr_matrix) -> csr_matrix:
     return normalised
 
 
-def _other_photos(faces: IntArray, view: IntArray, shares: csr_matrix) -> Blend:
-    """Photos besides a face's own that have a share at one of its corners."""
+def _other_photos(faces: IntArray, view: IntArray, shares: csr_matrix) -> tuple[IndexArray, IntArray]:
+    """Faces and photos besides their own that have a share at one of the corners."""
     count = np.diff(shares.indptr)
     mixed = np.flatnonzero((view >= 0) & (count[faces] > 1).any(axis=1))
     vertex = faces[mixed].ravel()
@@ -99,19 +104,20 @@ def _other_photos(faces: IntArray, view: IntArray, shares: csr_matrix) -> Blend:
     number = shares.indices[start + np.arange(len(face))]
     other = number != view[face]
     key = np.unique(face[other].astype(np.int64) * shares.shape[1] + number[other])
-    face = key // shares.shape[1]
-    return Blend(face, (key % shares.shape[1]).astype(np.int32), np.zeros((len(key), 3), np.float32))
+    return key // shares.shape[1], (key % shares.shape[1]).astype(np.int32)
 
 
-def _seeing(vertices: FloatArray, faces: IntArray, pairs: Blend, views: Sequence[View]) -> Blend:
-    """Pairs of face and photo where the photo sees the face: in frame, from the front, nothing between."""
-    keep = np.zeros(len(pairs.face), dtype=np.bool_)
+def _sees(
+    vertices: FloatArray, faces: IntArray, face: IndexArray, view: IntArray, views: Sequence[View]
+) -> BoolArray:
+    """Whether photo `view` (N,) sees `face` (N,): in frame, from the front, nothing between."""
+    keep = np.zeros(len(face), dtype=np.bool_)
     origin = local_centre(vertices)
     caster = RayCaster(vertices - origin, faces)
-    for number in np.unique(pairs.view):
-        chosen = np.flatnonzero(pairs.view == number)
+    for number in np.unique(view):
+        chosen = np.flatnonzero(view == number)
         one = views[number]
-        corners = vertices[faces[pairs.face[chosen]]]
+        corners = vertices[faces[face[chosen]]]
         points = np.concatenate([corners, corners.mean(axis=1, keepdims=True)], axis=1).reshape(-1, 3)
         pixel = project(one, points)
         inside = one.camera.in_frame(pixel)
@@ -123,7 +129,7 @@ def _seeing(vertices: FloatArray, faces: IntArray, pairs: Blend, views: Sequence
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         facing = np.einsum("nk,nk->n", normal, one.centre - corners[:, 0]) > 0
         keep[chosen] = inside.reshape(-1, 4).all(axis=1) & facing
-    return Blend(pairs.face[keep], pairs.view[keep], pairs.share[keep])
+    return keep
 
 
 def _at(shares: csr_matrix, row: IntArray, column: IntArray) -> FloatArray:

@@ -40,12 +40,14 @@ def photo_charts(
 ) -> ChartLayout:
     """Lay out connected faces of each photo, scaled so that a pixel covers `texel_size` m in the median.
 
-    Large charts are cut along a grid, which fills the pages better than their ragged outlines; the colours
-    on both sides of such a cut come from the same pixels. Raises TextureError.
+    With 0 they keep the photo's own pixels, whose centres then lie on those of texels. Large charts are cut
+    along a grid, which fills the pages better than their ragged outlines; the colours on both sides of such a
+    cut come from the same pixels. Raises TextureError.
     """
     chart = _connected(faces, vertex_count, selection.view)
-    scale = _chart_scale(chart, selection.texel_size, texel_size)
-    uv = selection.uv * scale[chart][:, None, None]
+    uv = selection.uv
+    if texel_size > 0:
+        uv = uv * _chart_scale(chart, selection.texel_size, texel_size)[chart][:, None, None]
     return pack_charts(chart, uv, selection.view, size, padding)
 
 
@@ -66,6 +68,7 @@ def pack_charts(
     spot = (view < 0) & (not unseen_lie)
     alone = np.bincount(chart, spot, len(low)) > 0
     low[alone], high[alone] = 0, 0
+    low = np.floor(low)  # whole pixels of the photo: where charts are not scaled, texels are its pixels
     box = np.ceil(high - low).astype(np.int64) + 2 + 2 * padding
     if box.max() > size:
         raise TextureError(
@@ -75,7 +78,7 @@ def pack_charts(
     view_of_chart = np.full(len(low), -1)
     view_of_chart[chart] = view
     page, corner, pages = pack_shelves(box, view_of_chart, size)
-    placed = uv - low[chart][:, None] + (corner[chart] + padding + 0.5)[:, None]
+    placed = uv - low[chart][:, None] + (corner[chart] + padding + 1.0)[:, None]
     placed[spot] = corner[chart[spot], None] + padding + 0.5
     return ChartLayout(page[chart].astype(np.int32), placed, pages, size)
 

@@ -6,6 +6,7 @@ v up) and the names of the `pages`. The interpreter needs numpy and the program 
 
 from __future__ import annotations
 
+import resource
 import sys
 from pathlib import Path
 
@@ -13,6 +14,10 @@ import numpy as np
 
 TEXTURE_SIZE = 8192
 """Side of the other programs' textures: finer on the surface than the photos."""
+OPEN3D_SIZE = 2048
+"""Open3D's time and memory grow with this and with the number of photos: larger ones are not reached."""
+CPU_LIMIT = 300
+"""Seconds after which a program is stopped."""
 
 
 def fresco(folder: Path, scene) -> None:
@@ -116,7 +121,7 @@ def open3d(folder: Path, scene) -> None:
         o3d.core.Tensor(scene["vertices"].astype(np.float32)),
         o3d.core.Tensor(scene["faces"].astype(np.int64)),
     )
-    mesh.compute_uvatlas(TEXTURE_SIZE, gutter=2.0, max_stretch=0.5, parallel_partitions=8, nthreads=1)
+    mesh.compute_uvatlas(OPEN3D_SIZE, gutter=2.0, max_stretch=0.5, parallel_partitions=8, nthreads=1)
     images = [o3d.t.io.read_image(str(image)) for image in scene["image"]]
     poses = []
     for R, t in zip(scene["R"], scene["t"], strict=True):
@@ -124,7 +129,7 @@ def open3d(folder: Path, scene) -> None:
         pose[:3, :3], pose[:3, 3] = R, t
         poses.append(o3d.core.Tensor(pose))
     lenses = [o3d.core.Tensor(K) for K in scene["K"]]
-    albedo = mesh.project_images_to_albedo(images, lenses, poses, TEXTURE_SIZE, True)
+    albedo = mesh.project_images_to_albedo(images, lenses, poses, OPEN3D_SIZE, True)
     o3d.t.io.write_image(str(folder / "open3d.png"), albedo)
     uv = mesh.triangle["texture_uvs"].numpy()
     np.savez(folder / "open3d.npz", page=np.zeros(len(uv), int), uv=uv, pages=["open3d.png"])
@@ -146,6 +151,7 @@ if __name__ == "__main__":
         "open3d": open3d,
         "colmap": colmap,
     }
+    resource.setrlimit(resource.RLIMIT_CPU, (CPU_LIMIT, CPU_LIMIT + 10))
     target = Path(sys.argv[2])
     with np.load(target / "scene.npz") as stored:
         programs[sys.argv[1]](target, dict(stored))

@@ -81,9 +81,13 @@ def run(program: str, python: str, folder: Path) -> Run:
             file_actions=[(os.POSIX_SPAWN_DUP2, out.fileno(), fd) for fd in (1, 2)],
         )
         _, status, usage = os.wait4(process, 0)
+    cpu, megabytes = usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
     lines = log.read_text(errors="replace").strip().splitlines()
-    error = (lines[-1] if lines else "no message") if status else ""
-    return Run(usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024, error)
+    error = ""
+    if status:
+        message = lines[-1] if lines else "no message"
+        error = f"{message} ({cpu:.0f} CPU s, {megabytes:.0f} MB)"
+    return Run(cpu, megabytes, error)
 
 
 def read_result(folder: Path, program: str, used) -> tuple[Textured, list[View]]:

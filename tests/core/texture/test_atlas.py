@@ -85,6 +85,28 @@ def test_the_atlas_shows_what_a_photo_left_out_shows_at_the_same_place(tmp_path,
         assert psnr(picture.image, held.image, picture.covered) > 30
 
 
+def test_without_a_texel_size_pixels_are_copied(tmp_path):
+    wall = grid_mesh(48, 36)
+    views = wall_views(wall, [(-0.5, 0.2, -2.8), (0.5, -0.2, -2.8)], painter=detailed, size=(640, 480))
+    selection = select_views(*wall, views, TextureSettings(equalise=False))
+    settings = AtlasSettings(page_size=512, blend_rings=0)
+    atlas = bake_atlas(tmp_path, "a", *wall, selection, views, settings)
+    copied = total = 0
+    for page, path in enumerate(atlas.paths):
+        chosen = np.flatnonzero((atlas.layout.page == page) & (selection.view >= 0))
+        texels = rasterise(atlas.layout.uv[chosen], 512, margin=-0.5)
+        face = chosen[texels.face]
+        at = np.rint(np.einsum("nk,nkc->nc", texels.weights, selection.uv[face])).astype(int)
+        baked = read(path)[texels.row, texels.column].astype(int)
+        for number, view in enumerate(views):
+            of_photo = selection.view[face] == number
+            expected = view.image[at[of_photo, 1], at[of_photo, 0]]
+            copied += np.count_nonzero(np.abs(baked[of_photo] - expected).max(axis=1) <= 1)
+            total += np.count_nonzero(of_photo)
+    assert total > 20_000
+    assert copied > 0.99 * total
+
+
 def phase_offset(picture, photo):
     """Shift (du, dv) by phase correlation: the slope of the phase between two pictures, low frequencies."""
     grey = [cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float64) for image in (photo, picture)]
@@ -203,6 +225,6 @@ def test_margins_take_the_nearest_colour():
     filled = np.zeros((9, 9), bool)
     image[2, 2], image[6, 7] = 0.3, 0.9
     filled[2, 2] = filled[6, 7] = True
-    out = fill_margins(image, filled)
-    assert np.all(out[0, 0] == np.float32(0.3))
-    assert np.all(out[8, 8] == np.float32(0.9))
+    fill_margins(image, filled)
+    assert np.all(image[0, 0] == np.float32(0.3))
+    assert np.all(image[8, 8] == np.float32(0.9))
