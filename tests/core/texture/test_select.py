@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import cv2
 import numpy as np
@@ -9,7 +9,7 @@ import pytest
 from fresco.core.errors import PhotoError, TextureError
 from fresco.core.jobs import drain
 from fresco.core.settings import TextureSettings
-from fresco.core.texture import select_views, select_views_job
+from fresco.core.texture import Selection, select_views, select_views_job
 from painted_scenes import box_mesh, grid_mesh, join, wall_views
 
 WALL = grid_mesh(24, 18)
@@ -208,3 +208,11 @@ def test_wrong_priorities_are_refused(views):
         select_views(*WALL, views, priorities=[0.0])
     with pytest.raises(TextureError, match="All photos are left out"):
         select_views(*WALL, views, priorities=[-np.inf] * 3)
+
+
+def test_several_threads_choose_as_one_does(views):
+    one = select_views(*WALL, views, TextureSettings(threads=1))
+    several = select_views(*WALL, views, TextureSettings(threads=3))
+    for field in fields(Selection):
+        if field.name != "photo_name":
+            np.testing.assert_array_equal(getattr(one, field.name), getattr(several, field.name))

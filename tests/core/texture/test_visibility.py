@@ -6,7 +6,7 @@ from fresco.core.cameras import CatadioptricCamera, EquirectangularCamera, Fishe
 from fresco.core.photos import View
 from fresco.core.settings import TextureSettings
 from fresco.core.texture.frustum import Frustum, blocks_in_view
-from fresco.core.texture.surface import Surface
+from fresco.core.texture.surface import Surface, used_vertices
 from fresco.core.texture.visibility import visible_faces
 from painted_scenes import box_mesh, grid_mesh, join, look_at
 
@@ -139,3 +139,13 @@ def test_faces_without_area_and_smaller_than_a_pixel_do_no_harm():
     )
     assert len(seen) > 0.9 * len(wall[1])
     assert np.isfinite(seen.texel).all()
+
+
+def test_faces_are_counted_by_the_vertices_they_use():
+    faces = np.array([[7, 2, 9], [2, 7, 4]], dtype=np.int32)
+    vertex, local = used_vertices(faces, 12)
+    np.testing.assert_array_equal(vertex, [2, 4, 7, 9])
+    np.testing.assert_array_equal(vertex[local], faces)
+    nothing, none = used_vertices(faces[:0], 12)
+    assert nothing.shape == (0,)
+    assert none.shape == (0, 3)
