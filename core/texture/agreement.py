@@ -29,6 +29,8 @@ _SEARCH = 24
 """Pixels of the preview in which a piece is looked for: about 2 degrees of a normal lens."""
 _TILES = 12
 """Pieces compared per pair of photos."""
+_GRID: IndexArray = np.stack(np.meshgrid(*[np.arange(_TILE) - _TILE // 2] * 2), axis=-1).reshape(-1, 2)
+"""Offsets of a piece's pixels from its centre, row by row."""
 _CORNERS = [0, _TILE - 1, _TILE * (_TILE - 1), _TILE * _TILE - 1]
 _FEWEST = 8
 """Pieces that must be looked for before their absence says anything."""
@@ -86,13 +88,8 @@ def compare_poses_job(
     pairs = _Pairs.empty(len(views))
 
     def check(number: int) -> list[tuple[int, _Comparison]]:
-        preview = previews[number]
         partners = [int(j) for j in np.argsort(-shared[number], kind="stable") if shared[number, j] > 0]
-        if preview is None or not partners:
-            return []
-        pieces = _pieces(surface, views[number], preview)
-        others = partners[:_PARTNERS]
-        return [(j, _compare(pieces, surface, preview, views[j], previews[j])) for j in others]
+        return _compare_with(surface, views, previews, number, partners[:_PARTNERS])
 
     checked = map_ahead(check, range(len(views)), CORES)
     for number, view in enumerate(views):
@@ -113,37 +110,6 @@ def shared_faces(table: CandidateTable, view_count: int) -> IndexArray:
     return count.reshape(view_count, view_count)
 
 
-@dataclass(frozen=True, eq=False)
-class _Pieces:
-    """Centres (T,2) preview pixels and the surface points (T,TILE*TILE,3) m, NaN off the surface."""
-
-    centre: IndexArray
-    points: FloatArray
-
-
-def _pieces(surface: Surface, view: View, preview: Preview) -> _Pieces:
-    """Squares across a photo, those with most detail in every direction first, and their surface points."""
-    half = _TILE // 2
-    margin = half + _SEARCH
-    rows, columns = preview.grey.shape
-    if min(rows, columns) <= 2 * margin + 2:
-        return _Pieces(np.zeros((0, 2), np.int64), np.zeros((0, _TILE * _TILE, 3)))
-    strength = cv2.cornerMinEigenVal(cv2.GaussianBlur(preview.grey, (0, 0), 1.5), _TILE)
-    u = np.linspace(margin, columns - 1 - margin, 8).astype(np.int64)
-    v = np.linspace(margin, rows - 1 - margin, 6).astype(np.int64)
-    centre = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-    centre = centre[np.argsort(-strength[centre[:, 1], centre[:, 0]], kind="stable")]
-    du, dv = np.meshgrid(np.arange(-half, half + 1), np.arange(-half, half + 1))
-    pixel = centre[:, None] + np.stack([du.ravel(), dv.ravel()], axis=1)
-    full = (pixel.reshape(-1, 2) + 0.5) / preview.scale - 0.5
-    rays = view.camera.unproject(full) @ np.asarray(view.rotation)
-    hits = surface.caster.first_hit(view.centre - surface.origin, rays)
-    with np.errstate(invalid="ignore"):
-        points = view.centre + rays * hits.distance[:, None]
-    points[~np.isfinite(points).all(axis=1)] = np.nan
-    return _Pieces(centre, points.reshape(len(centre), -1, 3))
-
-
 @dataclass(frozen=True)
 class _Comparison:
     """Pieces `tried` in another photo, and the distances (preview pixels) at which they were `found`."""
@@ -152,27 +118,85 @@ class _Comparison:
     found: list[float]
 
 
+def _compare_with(
+    surface: Surface,
+    views: Sequence[View],
+    previews: Sequence[Preview | None],
+    number: int,
+    partners: Sequence[int],
+) -> list[tuple[int, _Comparison]]:
+    """Look for pieces of a photo in its partners: each partner and what was found."""
+    view, preview = views[number], previews[number]
+    if preview is None:
+        return []
+    centre = _pieces(preview)
+    corners = _on_surface(surface, view, preview, centre, _GRID[_CORNERS])
+    others = [(j, views[j], small) for j in partners if (small := previews[j]) is not None]
+    shown = [_shown_whole(corners, other, small)[:_TILES] for _, other, small in others]
+    needed = np.unique(np.concatenate([np.zeros(0, np.int64), *shown]))
+    points = _on_surface(surface, view, preview, centre[needed], _GRID)  # rays for no others
+    found = []
+    for (j, other, small), chosen in zip(others, shown, strict=True):
+        of_them = points[np.searchsorted(needed, chosen)]
+        found.append((j, _compare(surface, preview, centre[chosen], of_them, other, small)))
+    return found
+
+
+def _pieces(preview: Preview) -> IndexArray:
+    """Centres (T,2) pixels of squares across a preview, those with most detail in every direction first."""
+    margin = _TILE // 2 + _SEARCH
+    rows, columns = preview.grey.shape
+    if min(rows, columns) <= 2 * margin + 2:
+        return np.zeros((0, 2), np.int64)
+    strength = cv2.cornerMinEigenVal(cv2.GaussianBlur(preview.grey, (0, 0), 1.5), _TILE)
+    u = np.linspace(margin, columns - 1 - margin, 8).astype(np.int64)
+    v = np.linspace(margin, rows - 1 - margin, 6).astype(np.int64)
+    centre = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+    strongest: IndexArray = centre[np.argsort(-strength[centre[:, 1], centre[:, 0]], kind="stable")]
+    return strongest
+
+
+def _on_surface(
+    surface: Surface, view: View, preview: Preview, centre: IndexArray, offsets: IndexArray
+) -> FloatArray:
+    """Surface points (T,N,3) m that pieces show at offsets (N,2) from their centres (T,2); NaN off it."""
+    pixel = centre[:, None] + offsets
+    full = (pixel.reshape(-1, 2) + 0.5) / preview.scale - 0.5
+    rays = view.camera.unproject(full) @ np.asarray(view.rotation)
+    hits = surface.caster.first_hit(view.centre - surface.origin, rays)
+    with np.errstate(invalid="ignore"):
+        points = view.centre + rays * hits.distance[:, None]
+    points[~np.isfinite(points).all(axis=1)] = np.nan
+    return points.reshape(len(centre), len(offsets), 3)
+
+
+def _shown_whole(corners: FloatArray, other: View, preview: Preview) -> IndexArray:
+    """Pieces, by their corners (T,4,3) m, that another photo shows whole and about as large: (n,)."""
+    pixels = project(other, corners.reshape(-1, 3))
+    whole = other.camera.in_frame(pixels).reshape(-1, 4).all(axis=1)
+    return np.flatnonzero(whole & _comparable(pixels.reshape(-1, 4, 2) * preview.scale))
+
+
 def _compare(
-    pieces: _Pieces, surface: Surface, preview: Preview, other: View, other_preview: Preview | None
+    surface: Surface,
+    preview: Preview,
+    centre: IndexArray,
+    points: FloatArray,
+    other: View,
+    other_preview: Preview,
 ) -> _Comparison:
-    """Look for the strongest pieces that another photo sees whole and about as large."""
-    if other_preview is None or len(pieces.centre) == 0:
+    """Look for pieces with centres (T,2) and surface points (T,TILE*TILE,3) by what another photo shows."""
+    if len(centre) == 0:
         return _Comparison(0, [])
-    corners = project(other, pieces.points[:, _CORNERS].reshape(-1, 3))
-    whole = other.camera.in_frame(corners).reshape(-1, 4).all(axis=1)
-    whole &= _comparable(corners.reshape(-1, 4, 2) * other_preview.scale)
-    chosen = np.flatnonzero(whole)[:_TILES]
-    if len(chosen) == 0:
-        return _Comparison(0, [])
-    flat = pieces.points[chosen].reshape(-1, 3)
+    flat = points.reshape(-1, 3)
     pixels = project(other, flat)
     usable = other.camera.in_frame(pixels)
     usable[usable] = ~surface.caster.occluded(other.centre - surface.origin, flat[usable] - surface.origin)
     values = sample_image(other_preview.grey, np.nan_to_num(other_preview.pixels(pixels)))
-    values = values.reshape(len(chosen), _TILE, _TILE)
+    values = values.reshape(len(centre), _TILE, _TILE)
     contrast = values.std(axis=(1, 2))
-    tried = np.flatnonzero(usable.reshape(len(chosen), -1).all(axis=1) & (contrast >= _LEAST_CONTRAST))
-    found = [_found_at(preview.grey, pieces.centre[chosen[tile]], values[tile]) for tile in tried]
+    tried = np.flatnonzero(usable.reshape(len(centre), -1).all(axis=1) & (contrast >= _LEAST_CONTRAST))
+    found = [_found_at(preview.grey, centre[tile], values[tile]) for tile in tried]
     return _Comparison(len(tried), [distance for distance in found if distance is not None])
 
 
