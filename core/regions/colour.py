@@ -15,6 +15,7 @@ _REDUCED = 0.5  # size relative to the working copy: a region of like colour sho
 _SEED_RADIUS = 1  # pixels around the click whose colours make the seed
 _EDGE_WEIGHT = 60.0  # colour distance (Delta E) that a unit of evened gradient counts for
 _TOLERANCES = np.geomspace(1.5, 60.0, 14)  # Delta E
+_MARGIN = 6  # pixels around a region that smoothing its outline looks at
 _LEAST = 30  # pixels: smaller regions are the click's own surroundings
 
 
@@ -41,10 +42,10 @@ def grown_loops(ground: ColourMap, point: FloatArray) -> list[FloatArray]:
     loops = []
     area = 0
     for tolerance in _TOLERANCES:
-        mask = _joined(distance, seed, float(tolerance))
+        mask, corner = _joined(distance, seed, float(tolerance))
         count = int(np.count_nonzero(mask))
         if count >= max(_LEAST, 1.02 * area):
-            loops.append(_outline(mask))
+            loops.append(_outline(mask, corner))
             area = count
     return loops
 
@@ -52,7 +53,7 @@ def grown_loops(ground: ColourMap, point: FloatArray) -> list[FloatArray]:
 def grown_loop(ground: ColourMap, point: FloatArray, tolerance: float) -> FloatArray:
     """Outline (n,2) in working pixels of the region around a point (2,) for one tolerance (Delta E)."""
     distance, seed = _distance(ground, point)
-    return _outline(_joined(distance, seed, tolerance))
+    return _outline(*_joined(distance, seed, tolerance))
 
 
 def _distance(ground: ColourMap, point: FloatArray) -> tuple[Float32Array, tuple[int, int]]:
@@ -75,26 +76,32 @@ def _distance(ground: ColourMap, point: FloatArray) -> tuple[Float32Array, tuple
     return np.maximum(unlike, ground.edge).astype(np.float32), (u, v)
 
 
-def _joined(distance: Float32Array, seed: tuple[int, int], tolerance: float) -> BoolArray:
-    """Pixels (h,w) joined to the seed over distances of at most `tolerance`, holes filled."""
+def _joined(
+    distance: Float32Array, seed: tuple[int, int], tolerance: float
+) -> tuple[BoolArray, tuple[int, int]]:
+    """Pixels joined to the seed over distances of at most `tolerance`, holes filled.
+
+    As the mask of a window around them, and the pixel (u, v) of its top-left corner.
+    """
     u, v = seed
     barred = np.pad((distance > tolerance).view(np.uint8), 1, constant_values=1)
     barred[max(v, 1) : v + 3, max(u, 1) : u + 3] = 0
     barred[[0, -1]] = barred[:, [0, -1]] = 1
-    cv2.floodFill(
-        np.zeros_like(distance, np.uint8), barred, (u, v), (1,), flags=4 | (2 << 8) | cv2.FLOODFILL_MASK_ONLY
-    )
-    inside = (barred[1:-1, 1:-1] == 2).view(np.uint8)
+    flags = 4 | (2 << 8) | cv2.FLOODFILL_MASK_ONLY
+    even = np.zeros_like(distance, np.uint8)  # only the bars stop the flood
+    left, top, columns, rows = cv2.floodFill(even, barred, (u, v), (1,), flags=flags)[3]
+    corner = max(left - _MARGIN, 0), max(top - _MARGIN, 0)
+    window = np.s_[corner[1] : top + rows + _MARGIN, corner[0] : left + columns + _MARGIN]
+    inside = (barred[1:-1, 1:-1][window] == 2).view(np.uint8)
     inside = cv2.dilate(inside, np.ones((3, 3), np.uint8))  # up to the middle of the edge
-    return without_holes(inside > 0)
+    return without_holes(inside > 0), corner
 
 
-def _outline(mask: BoolArray) -> FloatArray:
+def _outline(mask: BoolArray, corner: tuple[int, int]) -> FloatArray:
     smooth = smoothed_mask(mask, 1.0)
     shape = smooth if smooth.any() else mask
-    u, v, columns, rows = cv2.boundingRect(shape.view(np.uint8))
     # Every pixel as two by two: contours run through the middle of pixels, here a quarter off the border.
-    finer = np.repeat(np.repeat(shape[v : v + rows, u : u + columns], 2, axis=0), 2, axis=1)
+    finer = np.repeat(np.repeat(shape, 2, axis=0), 2, axis=1)
     loops, _ = cv2.findContours(finer.view(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     largest = cv2.approxPolyDP(max(loops, key=cv2.contourArea), 1.0, True)[:, 0].astype(np.float64)
-    return to_full((largest + 0.5) / 2 - 0.5 + np.array([u, v]), _REDUCED)
+    return to_full((largest + 0.5) / 2 - 0.5 + np.array(corner), _REDUCED)
