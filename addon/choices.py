@@ -83,13 +83,19 @@ class FrescoCompare(bpy.types.PropertyGroup):
         update=redraw,
         description="Draw lines from the scan's edges to where the photo shows them, in the Image Editor",
     )
+    ties: bpy.props.BoolProperty(
+        name="Ties",
+        default=True,
+        update=redraw,
+        description="Draw lines from where the pose puts what other photos show to where this one shows it",
+    )
     scale: bpy.props.FloatProperty(
         name="Enlarged",
         default=10.0,
         min=1.0,
         max=1000.0,
         update=redraw,
-        description="Residuals are drawn so many times as long as they are",
+        description="Residuals are drawn so many times as long as they are, of edges, ties and points",
     )
 
 

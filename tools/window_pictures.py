@@ -6,27 +6,27 @@ Either word may be `-`: without the first the finished sample is left out, witho
 from an unposed photo to a pose.
 """
 
+import json
 import sys
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests" / "gui"))
 import driving as d
 
 WIDTH = 1100  # pixels of a picture
+SHAPE = (1000, 1500)
 LENS = {
     "focal": (1000, 1000),
     "principal": (755.8, 495.4),
     "radial": (-0.118, 0.082, -0.017),
     "tangential": (0.0006, -0.0004),
 }
-PHOTO = "01_overview.jpg"
-ANNUNCIATION = (1138, 467)  # pixels of the photo that are clicked
-TABLET = [(288, 524), (288, 662), (151, 691), (150, 525)]
-SAINT = [(432, 283), (397, 301), (369, 345), (365, 414), (366, 655), (520, 662), (520, 359), (511, 328),
-         (496, 305), (472, 287)]  # fmt: skip
-ON_SCAN = {"annunciation": (3.49, 0.005, 1.72), "tablet": (0.035, -0.57, 1.16), "saint": (0.62, 0.01, 1.84)}
+PHOTO = "02_corner.jpg"
+IN_PHOTO = {"saint": (846, 447), "tablet": (655, 546)}  # pixels of the photo that are clicked
+ON_SCAN = {"saint": (0.62, 0.01, 1.84), "tablet": (0.035, -0.57, 1.16)}  # metres
 
 
 def picture(ui, name, areas=()):
@@ -105,37 +105,39 @@ def region(ui, fresco, area):
 
 
 def from_photo_to_pose(ui, sample):
-    """Mark three regions in an unposed photo and on the scan by clicks, and solve."""
+    """Mark two regions in an unposed photo and on the scan, a click each; solve, accept, refine."""
     photo, scan = yield from workspace(ui, sample)
     areas = photo, scan
     picture(ui, "clicks-1", areas)
 
     yield from d.use_tool(ui, photo, "fresco.tool_photo_wand")
-    (place,) = d.in_photo(ui, photo, [ANNUNCIATION], (1000, 1500))
+    (place,) = d.in_photo(ui, photo, [IN_PHOTO["saint"]], SHAPE)
     yield from d.hold(ui, [place, (place[0] + 1, place[1])])
-    yield 4.0  # until the photo is read and the wand has answered
+    yield 6.0  # until the photo is read and the wand has answered
     picture(ui, "clicks-2", areas)
     yield from d.release(ui)
-    yield from name_region(ui, 1, "annunciation")
-    yield from mark_on_scan(ui, scan, "annunciation")
+    yield from name_region(ui, 1, "saint")
+    yield from mark_on_scan(ui, scan, "saint")
     picture(ui, "clicks-3", areas)
 
-    yield from corners(ui, photo, TABLET)
-    picture(ui, "clicks-4", areas)
-    yield from ui.key("RET")
+    yield from d.use_tool(ui, photo, "fresco.tool_photo_wand")
+    yield from ui.click(*d.in_photo(ui, photo, [IN_PHOTO["tablet"]], SHAPE)[0])
     yield from name_region(ui, 2, "tablet")
     yield from mark_on_scan(ui, scan, "tablet")
-    yield from corners(ui, photo, SAINT)
-    yield from ui.key("RET")
-    yield from name_region(ui, 3, "saint")
-    yield from mark_on_scan(ui, scan, "saint")
-    picture(ui, "clicks-5", areas)
     yield from advice(ui, photo)
+    picture(ui, "clicks-4", areas)
+
+    yield from press(ui, scan, "fresco.solve_poses")
+    tell(ui, sample, "solved")
+    picture(ui, "clicks-5", areas)
+    yield from press(ui, scan, "fresco.accept_pose")
+    yield from press(ui, scan, "fresco.refine_edges")
+    position, rotation = tell(ui, sample, "refined")
+    assert position < 0.01 and rotation < 0.1, "the pose in the guide is not a good one"
+    yield from show_edges(ui, photo, scan)
     picture(ui, "clicks-6", areas)
-    yield from solve(ui, scan)
-    picture(ui, "clicks-7", areas)
     yield from through_the_camera(ui, scan)
-    picture(ui, "clicks-8", areas)
+    picture(ui, "clicks-7", areas)
 
 
 def workspace(ui, sample):
@@ -170,13 +172,6 @@ def name_region(ui, count, name):
     yield 0.3
 
 
-def corners(ui, area, pixels):
-    """Click the corners of a polygon."""
-    yield from d.use_tool(ui, area, "fresco.tool_photo_polygon")
-    for place in d.in_photo(ui, area, pixels, (1000, 1500)):
-        yield from ui.click(*place)
-
-
 def mark_on_scan(ui, area, name):
     yield from d.use_tool(ui, area, "fresco.tool_scan_wand")
     yield from ui.click(*d.on_scan(ui, area, ON_SCAN[name]))
@@ -193,17 +188,36 @@ def advice(ui, area):
     yield 0.8
 
 
-def solve(ui, area):
-    """Press the button that solves the photo."""
+def press(ui, area, button):
+    """Press a button of the sidebar, and wait until its step has ended."""
     yield from ui.sidebar("Fresco", area)
-    x, y = yield from ui.find("fresco.solve_poses", area)
+    x, y = yield from ui.find(button, area)
     yield from ui.click(x, y)
-    yield from d.finished(ui, 120)
-    photo = d.fresco().active_photo
-    ui.log(photo.state, photo.overlap, photo.centre_sigma, photo.rotation_sigma)
-    assert photo.state == "SOLVED", photo.message
+    yield from d.finished(ui, 240)
     yield from ui.move(area.x + 0.3 * area.width, area.y + 60)
     yield 0.8
+
+
+def tell(ui, sample, step):
+    """Log what is told of the pose and how far it truly lies off; -> these, metres and degrees."""
+    photo = d.fresco().active_photo
+    truth = json.loads((sample / "truth.json").read_text())[f"photos/{PHOTO}"]
+    true_rotation, true_translation = np.array(truth["rotation"]), np.array(truth["translation"])
+    rotation, translation, _ = d.module("bridge.photos").read_pose(bpy.context.scene, photo)
+    position = float(np.linalg.norm(true_rotation.T @ true_translation - rotation.T @ translation))
+    angle = float(np.degrees(np.arccos(np.clip((np.trace(rotation @ true_rotation.T) - 1) / 2, -1, 1))))
+    ui.log(step, photo.state, "overlap", photo.overlap, photo.message)
+    ui.log("told", photo.centre_sigma, photo.rotation_sigma, "true", position, angle)
+    return position, angle
+
+
+def show_edges(ui, photo, scan):
+    """Lay the scan's edges over the photo."""
+    with ui.override(scan):
+        bpy.ops.fresco.show_residuals("INVOKE_DEFAULT")
+    yield from d.finished(ui, 120)
+    photo.tag_redraw()
+    yield 1.0
 
 
 def through_the_camera(ui, area):

@@ -39,19 +39,24 @@ class Baked:
     atlas: BakedAtlas
 
 
-class FRESCO_OT_bake_atlas(JobOperator):
-    bl_idname = "fresco.bake_atlas"
-    bl_label = "Bake Atlas"
-    bl_description = (
-        "Resample the photos once into pages for delivery, beside a model that uses them; the scan keeps its "
-        "texture from the originals"
-    )
+class TexturedJob(JobOperator):
+    """Mixin: makes something of the texture that the scan has."""
+
     bl_options = {"UNDO"}
     step = "export"
 
     @classmethod
     def ready(cls, context: bpy.types.Context) -> bool:
         return is_textured(cls, context)
+
+
+class FRESCO_OT_bake_atlas(TexturedJob):
+    bl_idname = "fresco.bake_atlas"
+    bl_label = "Bake Atlas"
+    bl_description = (
+        "Resample the photos once into pages for delivery, beside a model that uses them; the scan keeps its "
+        "texture from the originals"
+    )
 
     def start(self, context: bpy.types.Context) -> Job[Any]:
         scene = context.scene
@@ -81,19 +86,13 @@ def baked_job(
     return Baked(textured, atlas)
 
 
-class FRESCO_OT_simplify_model(JobOperator):
+class FRESCO_OT_simplify_model(TexturedJob):
     bl_idname = "fresco.simplify_model"
     bl_label = "Simplify"
     bl_description = (
         "Make a lighter model beside the scan, its texture baked anew from the photos, and tell how far it "
         "deviates; the scan stays as it is"
     )
-    bl_options = {"UNDO"}
-    step = "export"
-
-    @classmethod
-    def ready(cls, context: bpy.types.Context) -> bool:
-        return is_textured(cls, context)
 
     def start(self, context: bpy.types.Context) -> Job[Any]:
         scene = context.scene
@@ -172,16 +171,10 @@ def chart_correction(scene: bpy.types.Scene, textured: TexturedScan) -> ColourCo
     return correction_for(chart, entry, textured)
 
 
-class FRESCO_OT_colour_vertices(JobOperator):
+class FRESCO_OT_colour_vertices(TexturedJob):
     bl_idname = "fresco.colour_vertices"
     bl_label = "Colour Vertices"
     bl_description = "Give every vertex of the scan the colour that its faces show there"
-    bl_options = {"UNDO"}
-    step = "export"
-
-    @classmethod
-    def ready(cls, context: bpy.types.Context) -> bool:
-        return is_textured(cls, context)
 
     def start(self, context: bpy.types.Context) -> Job[Any]:
         textured = read_texture(context.scene)

@@ -60,18 +60,26 @@ def shown_mark_photo(context: bpy.types.Context) -> FrescoPhoto | None:
     return photo if marked else None
 
 
-class FRESCO_OT_tidy_mark(JobOperator):
-    bl_idname = "fresco.tidy_mark"
-    bl_label = "Mend Outline"
-    bl_description = "Mend the chosen region's outline in the photo"
+class MendingOperator(JobOperator):
+    """Mixin: one of several `actions` on the chosen region, each with its own tooltip."""
+
     bl_options = {"REGISTER", "UNDO"}
     step = "regions"
 
-    action: bpy.props.EnumProperty(name="Action", items=MASK_ACTIONS)
+    actions: tuple[tuple[str, str, str, str, int], ...] = ()
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: Any) -> str:
-        return next(item[2] for item in MASK_ACTIONS if item[0] == properties.action)
+        return next(item[2] for item in cls.actions if item[0] == properties.action)
+
+
+class FRESCO_OT_tidy_mark(MendingOperator):
+    bl_idname = "fresco.tidy_mark"
+    bl_label = "Mend Outline"
+    bl_description = "Mend the chosen region's outline in the photo"
+    actions = MASK_ACTIONS
+
+    action: bpy.props.EnumProperty(name="Action", items=MASK_ACTIONS)
 
     @classmethod
     def ready(cls, context: bpy.types.Context) -> bool:
@@ -115,18 +123,13 @@ def mended_mask(mask: BoolArray, action: str, distance: float, pixels: ByteArray
     return {"FILL": without_holes, "SPECKS": without_specks, "INVERT": np.logical_not}[action](mask)
 
 
-class FRESCO_OT_tidy_faces(JobOperator):
+class FRESCO_OT_tidy_faces(MendingOperator):
     bl_idname = "fresco.tidy_faces"
     bl_label = "Mend Faces"
     bl_description = "Mend the chosen region's faces on the scan"
-    bl_options = {"REGISTER", "UNDO"}
-    step = "regions"
+    actions = FACE_ACTIONS
 
     action: bpy.props.EnumProperty(name="Action", items=FACE_ACTIONS)
-
-    @classmethod
-    def description(cls, context: bpy.types.Context, properties: Any) -> str:
-        return next(item[2] for item in FACE_ACTIONS if item[0] == properties.action)
 
     @classmethod
     def ready(cls, context: bpy.types.Context) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import bpy
 import numpy as np
 from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_3d
 
+from ...core.arrays import ByteArray, FloatArray
 from ...core.errors import PhotoError, PoseNotFound
 from ...core.jobs import Job, Progress
 from ...core.photos import read_image
@@ -22,7 +24,8 @@ from ..bridge import points as bridge
 from ..bridge.world import read_offset
 from ..jobs import JobOperator, StepOperator
 from ..settings import to_core
-from ..tools.targets import shown_photo, to_pixel
+from ..tools.background import Preparation, one_step_job
+from ..tools.targets import photo_of, shown_photo, to_pixel
 from .regions import has_scan
 
 REACH = 40.0
@@ -129,18 +132,36 @@ class FRESCO_OT_pick_in_photo(PickOperator):
         cls.poll_message_set("Choose a point in the list")
         return context.scene.fresco.active_point is not None
 
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Begin to read the shown photos, while the user aims."""
+        editors = [area.spaces.active for area in context.screen.areas if area.type == self.area_type]
+        shown = [photo_of(context.scene, editor.image) for editor in editors]
+        paths = {photo.path for photo in shown if photo is not None}
+        self._read = {path: Preparation((), one_step_job(partial(read_image, Path(path)))) for path in paths}
+        return super().invoke(context, event)
+
     def pick(self, context: bpy.types.Context, x: float, y: float) -> bool:
         photo = shown_photo(context)
         if photo is None or not photo.camera_json:
             self.report({"ERROR"}, "This Image Editor shows no photo of the list: choose one there.")
             return False
-        pick_pixel(context.scene, photo, to_pixel(context, x, y, photo.size))
+        pixel = to_pixel(context, x, y, photo.size)
+        if not np.all((pixel >= -0.5) & (pixel < np.array(photo.size) - 0.5)):
+            self.report({"ERROR"}, "The click is outside the photo: click where the photo shows the point.")
+            return False
+        read = self._read.get(photo.path)
+        try:
+            pixels = read_image(Path(photo.path)) if read is None else read.result()
+        except PhotoError as error:
+            self.report({"ERROR"}, str(error))
+            return False
+        pick_pixel(context.scene, photo, pixels, pixel)
         return True
 
 
-def pick_pixel(scene: bpy.types.Scene, photo: Any, pixel: Any) -> None:
-    """Set the chosen point's pixel (2,) in a photo, snapped to the corner there if there is one."""
-    snapped = snap_to_corner(read_image(Path(photo.path)), pixel)
+def pick_pixel(scene: bpy.types.Scene, photo: Any, pixels: ByteArray, pixel: FloatArray) -> None:
+    """Set the chosen point's pixel (2,) in a photo (H,W,3), snapped to the corner there if there is one."""
+    snapped = snap_to_corner(pixels, pixel)
     bridge.write_pick(photo, scene.fresco.active_point.name, pixel if snapped is None else snapped)
 
 

@@ -26,7 +26,7 @@ from ..preferences import preview_size
 from ..properties import FrescoPhoto
 from ..settings import to_core
 from .photos import OpenedPhoto
-from .regions import has_faces, has_scan
+from .regions import has_faces
 
 ADJUSTED = "Adjusted by what the photos show in common."
 
@@ -219,7 +219,7 @@ class FRESCO_OT_show_residuals(JobOperator):
     @classmethod
     def ready(cls, context: bpy.types.Context) -> bool:
         photo = context.scene.fresco.active_photo
-        if not has_scan(cls, context):
+        if not has_faces(cls, context):
             return False
         cls.poll_message_set("Choose a photo that has a pose")
         return photo is not None and photo.camera is not None and photo.is_posed

@@ -12,13 +12,14 @@ from gpu_extras.batch import batch_for_shader
 
 from ...core.arrays import FloatArray
 from ...core.cameras import Camera
-from ...core.project.residuals import EdgeResiduals, pose_between
+from ...core.pose.joint import TieResiduals
+from ...core.project.residuals import EdgeResiduals, pose_between, tie_residuals
 from ..bridge import photos as bridge
 from ..bridge.cameras import read_pose
 from ..properties import FrescoPhoto
 from ..tools.targets import shown_photo, to_region
 
-BEFORE, AFTER, RESIDUAL = (1.0, 0.45, 0.05), (0.1, 0.85, 1.0), (1.0, 0.9, 0.1)
+BEFORE, AFTER, RESIDUAL, TIE = (1.0, 0.45, 0.05), (0.1, 0.85, 1.0), (1.0, 0.9, 0.1), (1.0, 0.3, 0.85)
 WIDTH = 1.5  # pixels
 CELLS = 60  # residuals shown along the longer side of a photo
 
@@ -63,6 +64,21 @@ def edges_of(photo: FrescoPhoto | None) -> PhotoEdges | None:
     return found if found is not None and found.shown_for == photo.pose_json else None
 
 
+_TIES: dict[str, tuple[str, TieResiduals | None]] = {}
+"""By the photo's name: what it kept when they were read, and its ties."""
+
+
+def ties_of(scene: bpy.types.Scene, photo: FrescoPhoto | None) -> TieResiduals | None:
+    """Return what the joint refinement left of a photo's ties, None where it did not move the pose last."""
+    if photo is None or not photo.is_refined:
+        return None
+    kept = photo.solution_json + photo.pose_json
+    known = _TIES.get(photo.name)
+    if known is None or known[0] != kept:
+        known = _TIES[photo.name] = kept, tie_residuals(bridge.read_solution(scene, photo).refinements)
+    return known[1]
+
+
 def mixed(share: float) -> FloatArray:
     """Colour between that of the pose before and that of the pose after."""
     return (1 - share) * np.array(BEFORE) + share * np.array(AFTER)
@@ -89,6 +105,9 @@ def draw_on_photo() -> None:
     context = bpy.context
     photo = shown_photo(context)
     found, compare = edges_of(photo), context.scene.fresco.compare
+    ties = ties_of(context.scene, photo) if compare.ties else None
+    if ties is not None:
+        draw_ties(context, ties, photo.size, compare.scale)
     if found is None:
         return
     size = (found.camera.width, found.camera.height)
@@ -100,6 +119,15 @@ def draw_on_photo() -> None:
         draw_segments(
             to_region(context, vectors.reshape(-1, 2), size).reshape(-1, 2, 2), RESIDUAL, WIDTH + 0.5
         )
+
+
+def draw_ties(context: bpy.types.Context, ties: TieResiduals, size: tuple[int, int], scale: float) -> None:
+    """Draw a dot where the pose puts each tie, and a line towards where it is, `scale` times as long."""
+    ends = np.stack([ties.pixels, ties.pixels + scale * ties.offsets], axis=1)
+    places = to_region(context, ends.reshape(-1, 2), size).reshape(-1, 2, 2)
+    draw_segments(places, TIE, WIDTH + 0.5)
+    dots = places[:, :1] + np.array([[-1.5, 0.0], [1.5, 0.0]])
+    draw_segments(dots, TIE, 3.0)
 
 
 def residual_vectors(residuals: EdgeResiduals, scale: float) -> FloatArray:

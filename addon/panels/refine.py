@@ -5,11 +5,12 @@ from __future__ import annotations
 from statistics import median
 
 import bpy
+import numpy as np
 
 from ...core.project import Refinement
 from ..bridge.photos import read_solution
 from ..operators.refine import refinable_photos
-from ..overlays.residuals import edges_of
+from ..overlays.residuals import edges_of, ties_of
 from ..properties import FrescoPhoto
 from ..settings import draw_settings
 from .base import FrescoPanel, StepPanel, draw_rows, draw_text
@@ -78,10 +79,17 @@ def draw_refinements(layout: bpy.types.UILayout, context: bpy.types.Context, pho
             draw_rows(box, [("Pose", sigma)])
         box.operator("fresco.restore_pose", icon="LOOP_BACK")
     box.operator("fresco.show_residuals", icon="OVERLAY")
+    compare = context.scene.fresco.compare
+    ties = ties_of(context.scene, photo)
+    if ties is not None:
+        row = box.row()
+        row.prop(compare, "ties")
+        row.prop(compare, "scale", text="×")
+        off = float(np.median(np.linalg.norm(ties.offsets, axis=1)))
+        draw_rows(box, [("Ties", f"{off:.1f} px off (median)")])
     found = edges_of(photo)
     if found is None:
         return
-    compare = context.scene.fresco.compare
     box.prop(compare, "blend", slider=True)
     row = box.row(heading="Show")
     row.prop(compare, "edges")

@@ -46,6 +46,17 @@ class PhotoTool(bpy.types.WorkSpaceTool):
     bl_context_mode = "VIEW"
     bl_cursor = "CROSSHAIR"
 
+    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: object) -> None:
+        draw_photo_target(context, layout)
+
+
+class DrawnTool(PhotoTool):
+    """Base of tools whose outline can be moved onto the photo's edges."""
+
+    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: object) -> None:
+        draw_snapping(context, layout)
+        draw_photo_target(context, layout)
+
 
 class ScanTool(bpy.types.WorkSpaceTool):
     """Base of the 3D view's tools."""
@@ -53,6 +64,9 @@ class ScanTool(bpy.types.WorkSpaceTool):
     bl_space_type = "VIEW_3D"
     bl_context_mode = "OBJECT"
     bl_cursor = "CROSSHAIR"
+
+    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: object) -> None:
+        draw_scan_target(context, layout)
 
 
 class FRESCO_TOOL_photo_wand(PhotoTool):
@@ -70,28 +84,20 @@ class FRESCO_TOOL_photo_wand(PhotoTool):
         draw_photo_target(context, layout)
 
 
-class FRESCO_TOOL_photo_polygon(PhotoTool):
+class FRESCO_TOOL_photo_polygon(DrawnTool):
     bl_idname = "fresco.tool_photo_polygon"
     bl_label = "Region Polygon"
     bl_description = "Mark a region corner by corner"
     bl_icon = "ops.mesh.polybuild_hover"
     bl_keymap = strokes("fresco.photo_polygon")
 
-    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: object) -> None:
-        draw_snapping(context, layout)
-        draw_photo_target(context, layout)
 
-
-class FRESCO_TOOL_photo_lasso(PhotoTool):
+class FRESCO_TOOL_photo_lasso(DrawnTool):
     bl_idname = "fresco.tool_photo_lasso"
     bl_label = "Region Lasso"
     bl_description = "Draw around a region"
     bl_icon = "ops.generic.select_lasso"
     bl_keymap = strokes("fresco.photo_lasso")
-
-    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: object) -> None:
-        draw_snapping(context, layout)
-        draw_photo_target(context, layout)
 
 
 class FRESCO_TOOL_photo_brush(PhotoTool):
@@ -116,9 +122,6 @@ class FRESCO_TOOL_photo_grabcut(PhotoTool):
     bl_icon = "ops.mesh.knife_tool"
     bl_keymap = strokes("fresco.photo_grabcut")
 
-    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: object) -> None:
-        draw_photo_target(context, layout)
-
 
 class FRESCO_TOOL_scan_wand(ScanTool):
     bl_idname = "fresco.tool_scan_wand"
@@ -129,9 +132,6 @@ class FRESCO_TOOL_scan_wand(ScanTool):
     bl_icon = "ops.paint.weight_fill"
     bl_keymap = strokes("fresco.scan_wand", *WAND_KEYS)
     bl_cursor = "EYEDROPPER"
-
-    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: object) -> None:
-        draw_scan_target(context, layout)
 
 
 class FRESCO_TOOL_scan_brush(ScanTool):
@@ -155,9 +155,6 @@ class FRESCO_TOOL_scan_lasso(ScanTool):
     bl_description = "Draw around a region of the scan"
     bl_icon = "ops.generic.select_lasso"
     bl_keymap = strokes("fresco.scan_lasso")
-
-    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: object) -> None:
-        draw_scan_target(context, layout)
 
 
 def draw_snapping(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:

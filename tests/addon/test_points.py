@@ -73,9 +73,10 @@ def test_a_picked_pixel_snaps_to_the_corner(surveyed, room, module):
     surveyed.fresco.point_index = 6  # a corner of the red panel
     photo = surveyed.fresco.photos[0]
     true = seen(room, module, 0)[6]
-    module("addon.operators.points").pick_pixel(surveyed, photo, np.add(true, (2.0, -1.5)))
+    pixels = module("core.photos").read_image(photo.path)
+    module("addon.operators.points").pick_pixel(surveyed, photo, pixels, np.add(true, (2.0, -1.5)))
     np.testing.assert_allclose(photo.picks["P7"].pixel, true, atol=0.8)
-    module("addon.operators.points").pick_pixel(surveyed, photo, np.array([1.0, 1.0]))
+    module("addon.operators.points").pick_pixel(surveyed, photo, pixels, np.array([1.0, 1.0]))
     np.testing.assert_allclose(photo.picks["P7"].pixel, (1, 1), err_msg="nothing to snap to at the border")
 
 

@@ -116,6 +116,13 @@ def test_refined_poses_are_kept_in_the_file_and_go_into_the_report(placed, tmp_p
     assert photo.pose_json == before and "covariance" in json.loads(before)
     solution = module("addon.bridge.photos").read_solution(scene, photo)
     assert solution.given and solution.refinements[0].method == "joint" and solution.sure_pose is not None
+    overlay = module("addon.overlays.residuals")
+    ties = overlay.ties_of(scene, photo)
+    assert len(ties.pixels) >= 8 and np.median(np.linalg.norm(ties.offsets, axis=1)) < 3
+    assert np.all((ties.pixels > -1) & (ties.pixels < photo.size))
+    scene.fresco.photo_index = 0
+    bpy.ops.fresco.restore_pose()
+    assert overlay.ties_of(scene, photo) is None, "they belong to another pose now"
 
 
 def test_a_saved_project_makes_the_same_refinements(placed, tmp_path, module):

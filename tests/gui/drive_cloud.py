@@ -7,8 +7,14 @@ from pathlib import Path
 
 import bpy
 import driving as d
+import numpy as np
 
 FOLDER = Path(ui.args[0])  # noqa: F821 - the runner gives `ui`
+PANELS = {
+    "red panel": (0, (0.5, 0.5), (1.7, 1.5)),
+    "green panel": (1, (0.6, 0.7), (1.6, 1.9)),
+    "blue tile": (2, (0.9, 0.8), (1.7, 1.5)),
+}
 EYE = (6.0, 5.2, 3.6)
 SEEN = {"red panel": (0.0, 1.1, 1.0), "green panel": (1.1, 0.0, 1.3), "blue tile": (1.3, 1.15, 0.0)}
 
@@ -56,13 +62,18 @@ def clicks_beside(ui, scan):
     """A click beside the points is a sentence, and nothing changes."""
     region, count = ui.region(scan), len(d.fresco().regions)
     yield from d.use_tool(ui, scan, "fresco.tool_scan_wand")
-    yield from ui.click(region.x + region.width - 40, region.y + region.height - 60)
+    yield from ui.click(region.x + 200, region.y + 60)
     text = yield from d.sentence(ui)
     assert "not on the scan" in text and len(d.fresco().regions) == count, text
 
 
 def colours(ui, scan):
-    """Solve, and colour the points by the button of step 6."""
+    """Solve by the panels' own points, and colour the points by the buttons of steps 4 and 6."""
+    positions = d.module("bridge.meshes").read_positions(d.fresco().scan.data)
+    for name, (axis, *ends) in PANELS.items():
+        others = np.delete(positions, axis, axis=1)
+        inside = np.all((others > ends[0]) & (others < ends[1]), axis=1) & (abs(positions[:, axis]) < 0.01)
+        d.module("bridge.regions").write_faces(bpy.context.scene, d.fresco().region_named(name), inside)
     bpy.ops.fresco.import_mask_folder(directory=str(FOLDER / "masks"))
     with ui.override(scan):
         bpy.ops.fresco.solve_poses("INVOKE_DEFAULT")
