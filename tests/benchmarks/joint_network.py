@@ -1,6 +1,6 @@
 """Hundreds of photos refined together, from pixels to poses.
 
-python tests/benchmarks/joint_network.py [PHOTOS]
+python tests/benchmarks/joint_network.py [PHOTOS] [--seed NUMBER]
 
 Photos of a closed courtyard whose windows and pillars are all alike are made by warping textures. Starts are
 off as poses from regions are; some of them by a whole degree, which their covariance does not tell. People
@@ -240,8 +240,9 @@ def errors(pose, truth):
 def main():
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("photos", type=int, nargs="?", default=30)
-    count = options.parse_args().photos
-    rng = np.random.default_rng(7)
+    options.add_argument("--seed", type=int, default=7, help="another courtyard, other photos, other starts")
+    chosen = options.parse_args()
+    count, rng = chosen.photos, np.random.default_rng(chosen.seed)
     boards, boxes = courtyard(rng)
     vertices, faces = scan_mesh(boards, boxes, rng)
     with tempfile.TemporaryDirectory() as folder:
