@@ -6,7 +6,6 @@ takes at its peak, not only while photos are looked at.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from pathlib import Path
 from ..errors import TextureError
 from ..photos.view import View
 from ..settings import TextureSettings
+from .parallel import CORES
 
 GIB = float(1 << 30)
 _PROGRAM = 0.2 * GIB
@@ -28,7 +28,6 @@ _PER_MEASURED_PIXEL = 14.0
 """Bytes per pixel where the published focus measure looks at the whole photo."""
 _FEWEST = 3
 """Candidates below which gains, strangers and seams would suffer."""
-_MOST_THREADS = 8
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ def plan_memory(face_count: int, views: Sequence[View], settings: TextureSetting
     First fewer photos are looked at together, then fewer are remembered per face. Raises TextureError when
     even the least does not fit.
     """
-    threads = settings.threads or min(os.cpu_count() or 1, _MOST_THREADS)
+    threads = settings.threads or CORES
     candidates = min(settings.max_candidates, max(len(views), 1))
     photo = max((photo_bytes(view, settings) for view in views), default=0.0)
 

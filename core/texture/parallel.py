@@ -12,7 +12,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 CORES = min(os.cpu_count() or 1, 8)
-"""Threads for work that takes little memory."""
+"""Threads that are used, unless memory or a setting allows fewer."""
 
 
 def map_ahead(function: Callable[[Item], Result], items: Iterable[Item], threads: int) -> Iterator[Result]:
