@@ -23,7 +23,7 @@ from fresco.core.regions.wand import prepare_wand
 from scipy.optimize import minimize
 from wand_facades import facade
 
-SEEDS = (100, 25, 200, 25)  # first and count, twice
+SEEDS = (100, 20, 200, 20)  # first and count, twice
 FOLDS = 3
 DOUBTS = (0.01, 1.0, 1.5, 2.0, 3.0, 5.0)  # the first takes the best score
 REGULARISATION = 3e-3
