@@ -98,7 +98,7 @@ def _in_depth_buffer(local: FloatArray, normal: FloatArray, view: View, splats: 
     finest = max(1.0, float(np.median(reach)) / _CELLS_PER_SPLAT)
     level = np.ceil(np.log2(np.maximum(reach / (finest * _WIDEST_SPLAT), 1.0))).astype(np.int64)
     pixel = view.camera.project(local @ np.asarray(view.rotation, dtype=np.float64).T)
-    scene = _Scene(local, distance, normal, pixel, reach, splats)
+    scene = _Scene(local, distance, normal, *tangents(normal), pixel, reach, splats)
     visible = np.ones(len(local), dtype=np.bool_)
     for number in np.unique(level):
         visible &= scene.in_front_of(np.flatnonzero(level == number), view, finest * 2.0**number)
@@ -107,11 +107,13 @@ def _in_depth_buffer(local: FloatArray, normal: FloatArray, view: View, splats: 
 
 @dataclass(frozen=True, eq=False)
 class _Scene:
-    """Points (n,3) m from the camera's centre, their `pixel` (n,2), and the `reach` of their splats in px."""
+    """Points (n,3) m from the camera's centre, their tangents, `pixel` (n,2), and splats' `reach` in px."""
 
     local: FloatArray
     distance: FloatArray
     normal: FloatArray
+    first: FloatArray
+    second: FloatArray
     pixel: FloatArray
     reach: FloatArray
     splats: Splats
@@ -143,13 +145,14 @@ class _Scene:
         cosine = np.einsum("nk,nk->n", ray, normal)
         flat = cosine < -_STEEPEST  # comparisons with NaN, off the camera's field, are false
         ray, normal, local, cosine = ray[flat], normal[flat], local[flat], cosine[flat]
+        cell, point = cell[flat], point[flat]
         depth = np.einsum("nk,nk->n", normal, local) / cosine
         met = ray * depth[:, None] - local
-        first, second = tangents(normal)
+        first, second = self.first[point], self.second[point]
         x, y = np.einsum("nk,nk->n", met, first), np.einsum("nk,nk->n", met, second)
         along = np.stack([np.einsum("nk,nk->n", ray, first), np.einsum("nk,nk->n", ray, second)], axis=1)
-        covered = self.splats.covers(point[flat], x, y, along, cosine)
-        np.minimum.at(buffer, cell[flat][covered], depth[covered])
+        covered = self.splats.covers(point, x, y, along, cosine)
+        np.minimum.at(buffer, cell[covered], depth[covered])
 
 
 def _cell_rays(camera: Camera, rotation: FloatArray, cell: float, columns: int, rows: int) -> FloatArray:

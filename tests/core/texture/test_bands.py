@@ -9,6 +9,7 @@ from fresco.core.settings import AtlasSettings, TextureSettings
 from fresco.core.texture import bake_atlas, select_views
 from fresco.core.texture.bands import PhotoBands, mix_bands
 from fresco.core.texture.images import to_linear
+from fresco.core.texture.visibility import project
 from painted_scenes import grid_mesh, wall_views
 
 WALL = grid_mesh(32, 24)
@@ -34,11 +35,7 @@ def halves():
 def divided(views):
     selection = select_views(*WALL, views, TextureSettings(equalise=False, check_poses=False, smoothness=20))
     right = WALL[0][WALL[1]].mean(axis=1)[:, 0] > 0
-    both = [
-        np.stack(
-            [view.camera.project(WALL[0] @ view.rotation.T + view.translation)[WALL[1]] for view in views]
-        )
-    ][0]
+    both = [project(view, WALL[0])[WALL[1]] for view in views]
     view = np.where(selection.view >= 0, right.astype(np.int32), -1).astype(np.int32)
     return replace(selection, view=view, uv=np.where(right[:, None, None], both[1], both[0]))
 
