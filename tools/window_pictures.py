@@ -8,6 +8,7 @@ from an unposed photo to a pose.
 
 import json
 import sys
+import tempfile
 from pathlib import Path
 
 import bpy
@@ -24,9 +25,13 @@ LENS = {
     "radial": (-0.118, 0.082, -0.017),
     "tangential": (0.0006, -0.0004),
 }
-PHOTO = "02_corner.jpg"
-IN_PHOTO = {"saint": (846, 447), "tablet": (655, 546)}  # pixels of the photo that are clicked
-ON_SCAN = {"saint": (0.62, 0.01, 1.84), "tablet": (0.035, -0.57, 1.16)}  # metres
+PHOTO = "01_overview.jpg"
+ANNUNCIATION = (1138, 467)  # pixels of the photo that are clicked
+DRAGGED = -224  # pixels of the screen: from the painted frame to the edge of the relief inside it
+TABLET = [(288, 524), (288, 662), (151, 691), (150, 525)]
+SAINT = [(432, 283), (397, 301), (369, 345), (365, 414), (366, 655), (520, 662), (520, 359), (511, 328),
+         (496, 305), (472, 287)]  # fmt: skip
+ON_SCAN = {"annunciation": (3.49, 0.005, 1.72), "tablet": (0.035, -0.57, 1.16), "saint": (0.62, 0.01, 1.84)}
 
 
 def picture(ui, name, areas=()):
@@ -50,6 +55,7 @@ def steps(ui):
     finished, sample = ui.args
     if sample != "-":
         yield from from_photo_to_pose(ui, Path(sample).resolve())
+        yield from cloud(ui, Path(sample).resolve())
     if finished != "-":
         yield from finished_sample(ui, finished)
 
@@ -105,39 +111,71 @@ def region(ui, fresco, area):
 
 
 def from_photo_to_pose(ui, sample):
-    """Mark two regions in an unposed photo and on the scan, a click each; solve, accept, refine."""
+    """Mark three regions in an unposed photo and on the scan by clicks; solve, and refine."""
     photo, scan = yield from workspace(ui, sample)
     areas = photo, scan
     picture(ui, "clicks-1", areas)
 
     yield from d.use_tool(ui, photo, "fresco.tool_photo_wand")
-    (place,) = d.in_photo(ui, photo, [IN_PHOTO["saint"]], SHAPE)
-    yield from d.hold(ui, [place, (place[0] + 1, place[1])])
-    yield 6.0  # until the photo is read and the wand has answered
+    (place,) = d.in_photo(ui, photo, [ANNUNCIATION], SHAPE)
+    yield from d.hold(ui, [place, *((place[0] + DRAGGED * k / 8, place[1]) for k in range(1, 9))])
+    yield 8.0  # until the photo is read and the wand has answered
+    yield from ui.move(place[0] + DRAGGED, place[1])
+    yield 1.0
     picture(ui, "clicks-2", areas)
     yield from d.release(ui)
-    yield from name_region(ui, 1, "saint")
-    yield from mark_on_scan(ui, scan, "saint")
+    yield from name_region(ui, 1, "annunciation")
+    yield from mark_on_scan(ui, scan, "annunciation", ON_SCAN["annunciation"])
     picture(ui, "clicks-3", areas)
 
-    yield from d.use_tool(ui, photo, "fresco.tool_photo_wand")
-    yield from ui.click(*d.in_photo(ui, photo, [IN_PHOTO["tablet"]], SHAPE)[0])
-    yield from name_region(ui, 2, "tablet")
-    yield from mark_on_scan(ui, scan, "tablet")
-    yield from advice(ui, photo)
+    yield from corners(ui, photo, TABLET)
     picture(ui, "clicks-4", areas)
-
+    yield from ui.key("RET")
+    yield from name_region(ui, 2, "tablet")
+    yield from mark_on_scan(ui, scan, "tablet", ON_SCAN["tablet"])
+    yield from corners(ui, photo, SAINT)
+    yield from ui.key("RET")
+    yield from name_region(ui, 3, "saint")
+    yield from mark_on_scan(ui, scan, "saint", ON_SCAN["saint"])
+    picture(ui, "clicks-5", areas)
+    yield from advice(ui, photo)
+    picture(ui, "clicks-6", areas)
     yield from press(ui, scan, "fresco.solve_poses")
     tell(ui, sample, "solved")
-    picture(ui, "clicks-5", areas)
-    yield from press(ui, scan, "fresco.accept_pose")
+    picture(ui, "clicks-7", areas)
+    if d.fresco().active_photo.state == "AMBIGUOUS":
+        yield from press(ui, scan, "fresco.accept_pose")
     yield from press(ui, scan, "fresco.refine_edges")
     position, rotation = tell(ui, sample, "refined")
     assert position < 0.01 and rotation < 0.1, "the pose in the guide is not a good one"
     yield from show_edges(ui, photo, scan)
-    picture(ui, "clicks-6", areas)
+    picture(ui, "clicks-8", areas)
     yield from through_the_camera(ui, scan)
-    picture(ui, "clicks-7", areas)
+    picture(ui, "clicks-9", areas)
+
+
+def cloud(ui, sample):
+    """Mark regions on the scan's corners as if it were a cloud."""
+    area = next(area for area in ui.window.screen.areas if area.type == "VIEW_3D")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "points.ply"
+        corners = d.module("bridge.meshes").read_vertices(d.fresco().scan)
+        rows = [" ".join(f"{value:.4f}" for value in corner) for corner in corners]
+        head = ["ply", "format ascii 1.0", f"element vertex {len(rows)}"]
+        head += [*(f"property float {axis}" for axis in "xyz"), "end_header"]
+        path.write_text("\n".join([*head, *rows, ""]))
+        bpy.ops.fresco.import_scan(filepath=str(path))
+    while d.fresco().regions:
+        bpy.ops.fresco.remove_region()
+    d.fresco().scan.select_set(False)
+    d.look(area, (3.6, -7.5, 2.8), (2.2, 0.0, 1.6))
+    yield 8.0  # until the points are shaded
+    for name, place in ON_SCAN.items():
+        d.fresco().region_index = len(d.fresco().regions)
+        yield from mark_on_scan(ui, area, name, place)
+        d.fresco().active_region.name = name
+    yield 3.0
+    picture(ui, "window-cloud", [area])
 
 
 def workspace(ui, sample):
@@ -172,18 +210,32 @@ def name_region(ui, count, name):
     yield 0.3
 
 
-def mark_on_scan(ui, area, name):
+def corners(ui, area, pixels):
+    """Click the corners of a polygon."""
+    yield from d.use_tool(ui, area, "fresco.tool_photo_polygon")
+    for place in d.in_photo(ui, area, pixels, SHAPE):
+        yield from ui.click(*place)
+
+
+def mark_on_scan(ui, area, name, place):
+    """Click a place of the scan with the wand, and wait for the region."""
     yield from d.use_tool(ui, area, "fresco.tool_scan_wand")
-    yield from ui.click(*d.on_scan(ui, area, ON_SCAN[name]))
-    yield from ui.wait(lambda: d.fresco().active_region.face_count > 0, 120, f"{name} on the scan")
+    yield from ui.click(*d.on_scan(ui, area, place))
+    yield from ui.wait(on_scan, 120, f"{name} on the scan")
     yield 0.5
+
+
+def on_scan():
+    """Whether the chosen region has faces or points."""
+    region = d.fresco().active_region
+    return region is not None and region.face_count > 0
 
 
 def advice(ui, area):
     """Open the sidebar and wait for what it says of the marks."""
     told = bpy.context.window_manager.fresco_advice
     yield from ui.sidebar("Fresco", area)
-    yield from ui.wait(lambda: not told.working and "uncertain" in told.pose, 120, "the advice")
+    yield from ui.wait(lambda: not told.working and told.pose, 120, "the advice")
     ui.log(told.pose)
     yield 0.8
 

@@ -41,7 +41,8 @@ def pose_numbers(photo: FrescoPhoto) -> str:
     """Overlap error and uncertainty as the list shows them: 0.4 %  3 mm."""
     if photo.state not in {"SOLVED", "AMBIGUOUS"}:
         return ""
-    return f"{photo.overlap:.1f} %  {format_length(photo.centre_sigma)}"
+    overlap = f"{photo.overlap:.1f} %  " if photo.overlap >= 0 else ""  # a pose from points has none
+    return f"{overlap}{format_length(photo.centre_sigma)}"
 
 
 def format_length(metres: float) -> str:

@@ -44,7 +44,9 @@ def draw_summary(layout: bpy.types.UILayout, photos: list[FrescoPhoto]) -> None:
     solved = [photo for photo in photos if photo.state == "SOLVED"]
     rows = [("Posed", f"{sum(photo.is_posed for photo in photos)} of {len(photos)} photos")]
     if solved:
-        rows.append(("Overlap", f"{median(p.overlap for p in solved):.2f} % error (median)"))
+        overlaps = [photo.overlap for photo in solved if photo.overlap >= 0]
+        if overlaps:
+            rows.append(("Overlap", f"{median(overlaps):.2f} % error (median)"))
         rows.append(("Position", f"± {format_length(median(p.centre_sigma for p in solved))} (median)"))
     draw_rows(layout, rows)
 
@@ -60,14 +62,13 @@ def draw_pose(layout: bpy.types.UILayout, context: bpy.types.Context, photo: Fre
     right.alert = photo.state in {"FAILED", "AMBIGUOUS"}
     right.label(text=state, icon=STATE_ICONS[photo.state])
     if photo.state in {"SOLVED", "AMBIGUOUS"}:
-        draw_rows(
-            box,
-            [
-                ("Overlap", f"{photo.overlap:.2f} % error"),
-                ("Position", f"± {format_length(photo.centre_sigma)}"),
-                ("Rotation", f"± {photo.rotation_sigma:.3f}°"),
-            ],
-        )
+        rows = [
+            ("Position", f"± {format_length(photo.centre_sigma)}"),
+            ("Rotation", f"± {photo.rotation_sigma:.3f}°"),
+        ]
+        if photo.overlap >= 0:  # a pose from points has none
+            rows.insert(0, ("Overlap", f"{photo.overlap:.2f} % error"))
+        draw_rows(box, rows)
     if photo.message:
         draw_text(box, context, photo.message, icon="INFO")
     candidates = read_candidates(photo) if photo.state == "AMBIGUOUS" else []

@@ -126,7 +126,7 @@ def ambiguity(pose: RegionPose) -> str:
     """Why a pose does not count although it fits; empty when it does."""
     if not pose.ambiguous:
         return ""
-    return f"The regions alone do not decide: {pose.reason} Add a region, best on another wall."
+    return f"The regions alone do not decide: {pose.reason}. A region on another wall helps most."
 
 
 def _key(
