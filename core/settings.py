@@ -51,8 +51,8 @@ class RegionSettings:
     seed_patches: int = 50
     """Small patches around a click on the scan that make the first plane."""
 
-    surface_levels: int = 10
-    """Tolerances that a click on the scan tries, from the scan's noise up, each 1.5 times the one before."""
+    surface_levels: int = 12
+    """Tolerances that a click on the scan tries, from the scan's noise up, each 1.4 times the one before."""
 
     tilt: float = 0.15
     """How far (m per m) the surface may leave the first plane: that one is uncertain far from the click."""
@@ -133,7 +133,7 @@ class TextureSettings:
     gain_anchor: int | None = None
     """Photo whose colours stay as they are; without one the median of the gains is 1."""
 
-    smoothness: float = 40.0
+    smoothness: float = 22.0
     """Length, in texels of the finest photos, at which a seam costs as much as one octave of resolution over
     its square; larger: fewer, larger patches; 0: every face takes its own best photo."""
 
