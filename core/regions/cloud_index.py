@@ -58,7 +58,7 @@ def index_cloud_job(points: ArrayLike, colours: ArrayLike | None = None) -> Job[
     spacing = float(np.median(away)) * np.sqrt(np.pi / _LINKED)
     area = np.pi * away**2 / _LINKED
     colour = None if colours is None else byte_colours(np.asarray(colours, dtype=np.uint8))
-    patches = surface_patches(local, normal, area, pair, spacing, noise, colour)
+    patches = surface_patches(local, normal, area, pair, spacing, colour)
     return SurfaceIndex(
         centre, local.astype(np.float32), normal.astype(np.float32), normal.astype(np.float32), area,
         noise, spacing, colour, patches,

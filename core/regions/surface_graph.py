@@ -39,7 +39,7 @@ def component(pair: IntArray, inside: BoolArray, start: int) -> IndexArray:
 def labelled(first: ArrayLike, second: ArrayLike, count: int) -> IntArray:
     """Component number (count,) of a graph with edges first[i] - second[i]."""
     edges = np.asarray(first), np.asarray(second)
-    graph = coo_matrix((np.ones(len(edges[0]), dtype=np.int8), edges), shape=(count, count))
+    graph = coo_matrix((np.ones(len(edges[0])), edges), shape=(count, count))
     label: IntArray = connected_components(graph, directed=False)[1]
     return label
 

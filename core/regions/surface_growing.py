@@ -9,13 +9,16 @@ import numpy as np
 
 from ..arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray
 from ..settings import RegionSettings
-from .robust_fit import SurfaceFit, fit_smooth
+from .robust_fit import SurfaceFit, fit_plane, fit_quadric, fit_smooth
 from .surface_graph import component, labelled, reduced_pairs
 from .surface_index import SurfaceIndex
 
-_SAMPLE = 600  # points that a fit looks at
+_SAMPLE = 300  # points that a fit looks at
 _ROUNDS = 3
 _FEW = 30  # patches below which a region's outline is too coarse to tell what it encloses
+_LONG = 0.5  # extent of an ornament, in sizes of its region, at most
+_SAMPLED = 150  # patches that tell whether something enclosed is smooth
+_FACET = 20  # patches of something enclosed that may be a region of its own, at least
 _SETTLED = 0.01  # share of a region's patches that may change without another round
 
 
@@ -43,7 +46,6 @@ class Part:
     normal: FloatArray
     area: FloatArray
     rim: BoolArray
-    facet: IntArray
     colour: FloatArray | None
     seed: int
     seed_colour: FloatArray
@@ -62,7 +64,7 @@ def part_around(index: SurfaceIndex, node: int, close: BoolArray) -> Part:
     colour = None if patches.colour is None else patches.colour[members]
     return Part(
         members, number[pair], patches.middle[members], patches.normal[members], patches.area[members],
-        patches.rim[members], patches.facet[members], colour, int(number[seed]), _seed_colour(index, node),
+        patches.rim[members], colour, int(number[seed]), _seed_colour(index, node),
     )  # fmt: skip
 
 
@@ -78,9 +80,17 @@ def _seed_colour(index: SurfaceIndex, node: int) -> FloatArray:
 
 
 def grown_level(
-    index: SurfaceIndex, piece: Part, fit: SurfaceFit, tolerance: float, settings: RegionSettings
+    index: SurfaceIndex,
+    piece: Part,
+    fit: SurfaceFit,
+    tolerance: float,
+    settings: RegionSettings,
+    ornament: bool = True,
 ) -> SurfaceLevel | None:
-    """Grow and refit in turn until the region no longer changes; None where nothing agrees."""
+    """Grow and refit in turn until the region no longer changes; None where nothing agrees.
+
+    Ornament that the region encloses belongs to it, unless told otherwise.
+    """
     region, previous = np.zeros(0, dtype=np.int64), -1
     for _ in range(_ROUNDS):
         inside = _agreeing(index, piece, fit, tolerance, settings)
@@ -93,7 +103,8 @@ def grown_level(
             fit = fit_smooth(piece.middle[region[::step]], starts=0)
     if len(region) == 0:
         return None
-    region = _with_ornament(index, piece, region, fit, tolerance)
+    if ornament and len(region) >= _FEW:
+        region = _with_ornament(index, piece, region, fit, tolerance)
     return SurfaceLevel(region, float(piece.area[region].sum()), tolerance, 0.0, fit)
 
 
@@ -132,22 +143,38 @@ def _with_ornament(
     """Region with what stands out of it or is sunk into it: patches that project into its filled outline.
 
     Seen along the normal, narrow gaps are closed and enclosed areas filled. What lies deeper than a fifth of
-    the region's size (a room behind a window) stays outside, and so do flat pieces: they are facets of their
-    own.
+    the region's size (a room behind a window) stays outside, and so does what is long beside the
+    region, or smooth: it is a region of its own.
     """
-    if len(region) < _FEW:
-        return region
     cell, origin, filled = _filled_outline(piece, region, fit, index.spacing)
     local = (piece.middle - fit.centre) @ fit.axes[:2].T
     place = np.round((local - origin) / cell).astype(np.int64)
     within = np.all((place >= 0) & (place < np.array(filled.shape[::-1])), axis=1)
     within[within] = filled[place[within, 1], place[within, 0]] > 0
-    depth = max(4 * tolerance, 0.2 * float(np.sqrt(piece.area[region].sum())))
-    within &= np.abs(fit.distance(piece.middle)) < depth
-    facet, count = np.unique(piece.facet[region], return_counts=True)
-    within &= (piece.facet < 0) | (piece.facet == facet[np.argmax(count)])
+    size = float(np.sqrt(piece.area[region].sum()))
+    within &= np.abs(fit.distance(piece.middle)) < max(4 * tolerance, 0.2 * size)
+    within[region] = False
+    members, pair = reduced_pairs(piece.pair, within)
+    label = labelled(pair[:, 0], pair[:, 1], len(members))
+    roughness = max(2 * index.noise, 1e-3 * size)
+    for number in np.flatnonzero(np.bincount(label, minlength=1) >= _FACET):
+        enclosed = members[label == number]
+        long = float(np.ptp(local[enclosed], axis=0).max()) > _LONG * size
+        if long or _smooth(piece.middle[enclosed], piece.area[enclosed], roughness):
+            within[enclosed] = False
     within[region] = True
     return component(piece.pair, within, int(region[0]))
+
+
+def _smooth(points: FloatArray, area: FloatArray, roughness: float) -> bool:
+    """Whether enclosed patches (n,3) of `area` (n,) m² scatter by `roughness` (m) about one smooth surface.
+
+    Half of the large ones are enough: the others are the steps around a window, often in slivers.
+    """
+    large = points[area >= 0.5 * np.quantile(area, 0.9)]
+    large = large[:: max(1, len(large) // _SAMPLED)]
+    plane = fit_plane(large, share=0.5, starts=4)
+    return plane.sigma < roughness or fit_quadric(large, plane).sigma < roughness
 
 
 def _filled_outline(

@@ -98,7 +98,7 @@ def index_surface_job(
     if colours is not None:
         colour = byte_colours(np.asarray(colours, dtype=np.uint8)[triangles].mean(axis=1))
     yield Progress(0.8, "Joining faces to patches")
-    patches = surface_patches(middle, smoother, area, pair, spacing, noise, colour)
+    patches = surface_patches(middle, smoother, area, pair, spacing, colour)
     return SurfaceIndex(
         centre, middle.astype(np.float32), normal.astype(np.float32), smooth.astype(np.float32), area,
         noise, spacing, colour, patches,

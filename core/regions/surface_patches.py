@@ -13,8 +13,6 @@ from .surface_graph import labelled, means, ranges
 _WIDTH = 4.0  # of a patch, in distances of neighbouring faces
 _MOST = 12_000  # patches of a smooth scan: with more a click would take too long
 _BEND = 30.0  # degrees between neighbouring faces of one patch, at most
-_FACET_BEND = 20.0  # degrees between neighbouring patches of one flat piece, at most
-_FACET_SIZE = 20  # patches of a flat piece, at least
 _ONE_COLOUR = 8.0  # Delta E below which neighbouring faces may be one patch
 
 
@@ -25,9 +23,8 @@ class SurfacePatches:
     `label` (F,) is the patch of every face; `middle` (P,3) m and `normal` (P,3) unit their means; `area`
     (P,) m²; `pair` (Q,2) neighbours; `rim` (P,) true where the scan ends or has a hole; `colour` (P,3)
     CIELAB or None. `order` (F,) lists the faces patch by patch: those of patch p from `start[p]` to before
-    `start[p + 1]`. `facet` (P,) numbers the large pieces that are flat in themselves, -1 elsewhere; `width`
-    m is their usual one.
-    `near` (E,2) are the neighbouring faces, sorted by the patch of the first: `near_start` (P + 1,).
+    `start[p + 1]`; `width` m is a patch's usual one. `near` (E,2) are the neighbouring faces, sorted by the
+    patch of the first: `near_start` (P + 1,).
     """
 
     label: IntArray
@@ -42,7 +39,6 @@ class SurfacePatches:
     start: IntArray
     near: IntArray
     near_start: IntArray
-    facet: IntArray
     width: float
 
     def faces(self, chosen: IndexArray) -> IndexArray:
@@ -67,13 +63,11 @@ def surface_patches(
     area: FloatArray,
     pair: IntArray,
     spacing: float,
-    noise: float,
     colour: Float32Array | None,
 ) -> SurfacePatches:
     """Join neighbouring faces of one voxel whose smoothed normals (F,3) hardly turn.
 
-    Middles (F,3) m, areas (F,) m², neighbours (E,2), their distance (m), the scan's noise
-    (m), and CIELAB colours (F,3) if there are any.
+    Middles (F,3) m, areas (F,) m², neighbours (E,2), their distance (m), and CIELAB colours (F,3) if any.
     """
     width = max(_WIDTH * spacing, float(np.sqrt(area.sum() / _MOST)), 1e-9)
     key = _voxels(middle, width)
@@ -92,14 +86,11 @@ def surface_patches(
     tint = None if colour is None else means(label, weight, colour, total)
     patch = label[pair]
     touching = _touching(patch[~alike], count)
-    facet = _facets(
-        place, normal, touching, max(2 * noise, 1e-6 * float(np.ptp(place, axis=0).max(initial=0)))
-    )
     near = pair[np.argsort(patch[:, 0], kind="stable")]
     return SurfacePatches(
         label, place, normal, total, touching, rim, tint, cKDTree(place),
         np.argsort(label, kind="stable").astype(np.int32), _starts(label, count),
-        near, _starts(patch[:, 0], count), facet, width,
+        near, _starts(patch[:, 0], count), width,
     )  # fmt: skip
 
 
@@ -124,28 +115,3 @@ def _touching(patch: IntArray, count: int) -> IntArray:
     neighbours = np.stack([joint // count, joint % count], axis=1).astype(np.int32)
     distinct: IntArray = neighbours[neighbours[:, 0] != neighbours[:, 1]]
     return distinct
-
-
-def _facets(middle: FloatArray, normal: FloatArray, pair: IntArray, roughness: float) -> IntArray:
-    """Number (P,) of the flat piece that a patch belongs to, counted from the largest; -1 where it is none.
-
-    A piece is joined by normals that hardly turn, and flat when its patches scatter about its plane by less
-    than `roughness` (m).
-    """
-    first, second = pair[:, 0], pair[:, 1]
-    alike = np.einsum("nk,nk->n", normal[first], normal[second]) > np.cos(np.radians(_FACET_BEND))
-    step = np.einsum("nk,nk->n", middle[second] - middle[first], 0.5 * (normal[first] + normal[second]))
-    alike &= np.abs(step) < 0.75 * roughness
-    label = labelled(first[alike], second[alike], len(middle))
-    size = np.bincount(label).astype(np.float64)
-    mean = means(label, np.ones(len(label)), middle, size)
-    off = middle - mean[label]
-    large = np.flatnonzero(size >= _FACET_SIZE)
-    spread = np.empty((len(large), 3, 3))
-    for i, j in np.ndindex(3, 3):
-        spread[:, i, j] = np.bincount(label, off[:, i] * off[:, j])[large] / size[large]
-    flat = large[np.linalg.eigvalsh(spread)[:, 0] <= roughness**2]
-    number = np.full(len(size), -1, dtype=np.int32)
-    number[flat[np.argsort(-size[flat])]] = np.arange(len(flat))
-    facet: IntArray = number[label]
-    return facet

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from heapq import heappop, heappush
 
 import numpy as np
 
@@ -12,11 +13,12 @@ from ..errors import RegionError
 from ..settings import RegionSettings
 from .robust_fit import SurfaceFit, fit_smooth, plane_through
 from .surface_border import refined_border
+from .surface_graph import reduced_pairs
 from .surface_growing import SurfaceLevel, grown_level, part_around
 from .surface_index import SurfaceIndex
 from .surface_score import shape_score, stability_score
 
-_GROWTH = 1.35  # ratio of neighbouring tolerances
+_GROWTH = 1.4  # ratio of neighbouring tolerances
 _NEAR = 3_000  # patches looked at first; all, when a region reaches the border of these
 _SATURATED = 3  # levels in a row
 _MORE = 1.01  # growth of the area below which they count as the same
@@ -35,24 +37,11 @@ class SurfaceClick:
         return self.levels[min(max(self.best + steps, 0), len(self.levels) - 1)]
 
 
-@dataclass(frozen=True, eq=False)
-class _Chain:
-    """Levels found from one first fit, for the first of `tolerances`."""
-
-    start: SurfaceFit
-    tolerances: tuple[float, ...]
-    levels: tuple[SurfaceLevel, ...]
-
-    @property
-    def score(self) -> float:
-        """The best level's score."""
-        return max((level.score for level in _rated(self.levels)), default=-np.inf)
-
-
 def grow_surface(index: SurfaceIndex, face: int, settings: RegionSettings | None = None) -> SurfaceClick:
     """Regions around a clicked face for a series of tolerances that starts at the scan's own noise.
 
-    The first surface is fitted to a wide and to a narrow surrounding of the click; the better one goes on.
+    The first surface is fitted to a wide and to a narrow surrounding of the click, and to what hangs together
+    with it over the smallest steps and turns; the best of these goes on.
 
     Raises
     ------
@@ -62,35 +51,42 @@ def grow_surface(index: SurfaceIndex, face: int, settings: RegionSettings | None
     settings = settings or RegionSettings()
     if not 0 <= face < index.face_count:
         raise RegionError("The click is not on the scan.")
-    counts = settings.seed_patches, settings.seed_patches // 4
-    chains = [_near_chain(index, face, _seed_fit(index, face, count), settings) for count in counts]
-    chain = max(chains, key=lambda one: one.score)
-    levels = chain.levels
-    rest = chain.tolerances[len(levels) :]
+    starts = _starts(index, face, settings)
+    start = max(starts, key=lambda fit: _promise(index, face, fit, settings))
+    tolerances = _tolerances(index, start, settings)
+    levels = _levels(index, face, start, tolerances, _NEAR, settings)
+    rest = [tolerance for tolerance in tolerances if not levels or tolerance > levels[-1].tolerance]
     if rest and len(index.patches.area) > _NEAR and not _saturated(levels):
-        start = levels[-1].fit if levels else chain.start
-        levels += tuple(_levels(index, face, start, rest, len(index.patches.area), settings))
+        fit = levels[-1].fit if levels else start
+        levels += _levels(index, face, fit, rest, len(index.patches.area), settings)
     if not levels:
         raise RegionError(
             "This is a loose triangle without neighbours: click on the surface, or use the brush."
         )
-    levels = _rated(levels)
-    return SurfaceClick(face, levels, int(np.argmax([level.score for level in levels])))
+    rated = _rated(levels)
+    return SurfaceClick(face, rated, int(np.argmax([level.score for level in rated])))
 
 
-def _near_chain(index: SurfaceIndex, face: int, start: SurfaceFit, settings: RegionSettings) -> _Chain:
-    """Levels from a first fit, as far as the patches nearest to the click tell."""
+def _tolerances(index: SurfaceIndex, start: SurfaceFit, settings: RegionSettings) -> list[float]:
+    """Tolerances (m) to try with a first fit."""
     first = max(1.3 * index.noise, 0.1 * index.spacing, min(2 * start.sigma, 4 * index.noise))
-    tolerances = tuple((first * _GROWTH ** np.arange(settings.surface_levels)).tolist())
-    return _Chain(start, tolerances, tuple(_levels(index, face, start, tolerances, _NEAR, settings)))
+    tolerances: list[float] = (first * _GROWTH ** np.arange(settings.surface_levels)).tolist()
+    return tolerances
 
 
-def _rated(levels: tuple[SurfaceLevel, ...]) -> tuple[SurfaceLevel, ...]:
+def _promise(index: SurfaceIndex, face: int, start: SurfaceFit, settings: RegionSettings) -> float:
+    """Best score that a first fit leads to, by every second tolerance and the nearest patches."""
+    tolerances = _tolerances(index, start, settings)[::2]
+    levels = _rated(_levels(index, face, start, tolerances, _NEAR, settings, ornament=False))
+    return max((level.score for level in levels), default=-np.inf)
+
+
+def _rated(levels: Sequence[SurfaceLevel]) -> tuple[SurfaceLevel, ...]:
     """Levels with their score for stability added."""
     areas = [level.area for level in levels]
     return tuple(
         replace(level, score=level.score + stability_score(level.area, larger))
-        for level, larger in zip(levels, areas[1:] + areas[-1:], strict=True)
+        for level, larger in zip(levels, [*areas[1:], *areas[-1:]], strict=True)
     )
 
 
@@ -111,10 +107,11 @@ def _levels(
     tolerances: Sequence[float],
     limit: int,
     settings: RegionSettings,
+    ornament: bool = True,
 ) -> list[SurfaceLevel]:
     """Levels among the `limit` patches nearest to a face, up to the first that reaches the border of these.
 
-    Once the region has stopped growing, larger tolerances are not tried.
+    Once the region has stopped growing, larger tolerances are not tried. Without `ornament` holes stay.
     """
     patches = index.patches
     node = int(patches.label[face])
@@ -127,13 +124,13 @@ def _levels(
         return []
     levels: list[SurfaceLevel] = []
     for tolerance in tolerances:
-        level = grown_level(index, piece, fit, tolerance, settings)
+        level = grown_level(index, piece, fit, tolerance, settings, ornament)
         if level is None:
             continue
         if away[piece.node[level.patches]].max() > 0.8 * radius:
             break
         fit = level.fit
-        score = shape_score(piece, level, index.noise)
+        score = shape_score(piece, level, index.noise, patches.width)
         levels.append(replace(level, patches=piece.node[level.patches].astype(np.int64), score=score))
         if _saturated(levels):
             break
@@ -145,12 +142,54 @@ def _alone(index: SurfaceIndex, face: int) -> bool:
     return not bool(np.any(index.pair == face))
 
 
-def _seed_fit(index: SurfaceIndex, face: int, count: int) -> SurfaceFit:
-    """Smooth surface through the surroundings of a face, only the clicked side of a thin wall."""
+def _starts(index: SurfaceIndex, face: int, settings: RegionSettings) -> list[SurfaceFit]:
+    """Smooth surfaces through different surroundings of a face."""
+    wide, narrow = settings.seed_patches, settings.seed_patches // 4
+    fits = [_fit_around(index, face, _nearest(index, face, count)) for count in (wide, narrow)]
+    return [*fits, _fit_around(index, face, _smoothest(index, face, narrow))]
+
+
+def _fit_around(index: SurfaceIndex, face: int, near: IndexArray) -> SurfaceFit:
+    """Smooth surface through patches (n,) near a face, only the clicked side of a thin wall."""
     patches = index.patches
-    middle: FloatArray = index.middle[face].astype(np.float64)
-    near = np.atleast_1d(patches.tree.query(middle, min(count, len(patches.area)))[1])
     near = near[patches.normal[near] @ index.smooth_normal[face] > 0.3]
     if len(near) >= 8:
         return fit_smooth(patches.middle[near])
+    middle: FloatArray = index.middle[face].astype(np.float64)
     return plane_through(middle, index.normal[face].astype(np.float64))
+
+
+def _nearest(index: SurfaceIndex, face: int, count: int) -> IndexArray:
+    """The `count` patches nearest to a face, sorted by number."""
+    patches = index.patches
+    near = patches.tree.query(index.middle[face], min(count, len(patches.area)))[1]
+    return np.sort(np.atleast_1d(near))
+
+
+def _smoothest(index: SurfaceIndex, face: int, count: int) -> IndexArray:
+    """The `count` patches that hang together with a face over the smallest steps and turns."""
+    patches = index.patches
+    inside = np.zeros(len(patches.area), dtype=np.bool_)
+    inside[_nearest(index, face, 6 * count)] = True
+    inside[patches.label[face]] = True
+    members, pair = reduced_pairs(patches.pair, inside)
+    first, second = members[pair[:, 0]], members[pair[:, 1]]
+    gap, normals = (
+        patches.middle[second] - patches.middle[first],
+        patches.normal[first] + patches.normal[second],
+    )
+    step = 0.5 * np.abs(np.einsum("nk,nk->n", gap, normals)) / patches.width
+    turn = 1 - np.einsum("nk,nk->n", patches.normal[first], patches.normal[second])
+    beside: list[list[tuple[float, int]]] = [[] for _ in members]
+    for (one, other), cost in zip(pair.tolist(), (step + turn).tolist(), strict=True):
+        beside[one].append((cost, other))
+        beside[other].append((cost, one))
+    found: set[int] = set()
+    front = [(0.0, int(np.searchsorted(members, patches.label[face])))]
+    while front and len(found) < count:
+        patch = heappop(front)[1]
+        if patch not in found:
+            found.add(patch)
+            for entry in beside[patch]:
+                heappush(front, entry)
+    return members[sorted(found)].astype(np.int64)

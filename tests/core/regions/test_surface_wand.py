@@ -201,3 +201,32 @@ def test_three_faces_are_a_region():
     vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [-1, 0.5, 0]], dtype=float)
     index = index_surface(vertices, [[0, 1, 2], [0, 2, 3], [0, 3, 4]])
     assert list(region_faces(index, 0, grow_surface(index, 0).level())) == [0, 1, 2]
+
+
+def test_a_flush_panel_is_found_in_noise_of_a_quarter_of_its_step():
+    vertices, faces = grid(4, 3, 0.02)
+    x, y = vertices[:, 0], vertices[:, 1]
+    panel = (np.abs(x - 2) < 0.7) & (np.abs(y - 1.5) < 0.5)
+    vertices[:, 2] += 0.016 * panel
+    vertices += np.random.default_rng(3).normal(0, 0.004, vertices.shape)
+    assert overlap(clicked(vertices, faces, 2.0, 1.5), panel[faces].all(axis=1)) > 0.85
+
+
+def test_a_pilaster_on_a_wall_is_no_ornament_of_it():
+    vertices, faces = grid(4, 3, 0.025)
+    x, y = vertices[:, 0], vertices[:, 1]
+    pilaster = (np.abs(x - 1) < 0.15) & (np.abs(y - 1.5) < 1.2)
+    vertices[:, 2] += 0.06 * pilaster
+    vertices += np.random.default_rng(3).normal(0, 0.002, vertices.shape)
+    found = clicked(vertices, faces, 2.6, 1.5)
+    assert not np.isin(face_at(vertices, faces, 1.0, 1.5), found)
+    assert overlap(clicked(vertices, faces, 1.0, 1.5), pilaster[faces].all(axis=1)) > 0.85
+
+
+def test_a_frame_is_found_between_a_window_and_its_wall():
+    vertices, faces = grid(3, 3, 0.02)
+    away = np.maximum(np.abs(vertices[:, 0] - 1.5), np.abs(vertices[:, 1] - 1.5))
+    frame = (away > 0.5) & (away < 0.75)
+    vertices[:, 2] += np.where(frame, 0.05, np.where(away <= 0.5, -0.15, 0.0))
+    vertices += np.random.default_rng(3).normal(0, 0.002, vertices.shape)
+    assert overlap(clicked(vertices, faces, 1.5, 2.12), frame[faces].all(axis=1)) > 0.8
