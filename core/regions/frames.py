@@ -37,13 +37,37 @@ class Frames:
     support: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class _View:
+    """Lines (n,) seen from a point: the `angle` they cover, how far `apart` they are, in which `sector`."""
+
+    angle: FloatArray
+    apart: FloatArray
+    sector: IndexArray
+
+    def widest(self, limit: int) -> IndexArray:
+        """At most `limit` lines, evenly from all sides.
+
+        Mostly those that look wide from the point; some that are long, however far: the ends of a frieze.
+        """
+        chosen = np.zeros(len(self.angle), dtype=np.bool_)
+        for rank, share in ((self.angle, 0.75), (self.angle * self.apart, 0.25)):
+            free = rank * ~chosen
+            order = np.argsort(-free, kind="stable")
+            order = order[free[order] > 0]
+            for number in range(_SECTORS):
+                chosen[order[self.sector[order] == number][: int(share * limit / _SECTORS)]] = True
+        return np.flatnonzero(chosen)
+
+
 def find_frames(
     lines: LineSet, click: ArrayLike, least_support: float, line_limit: int, keep: int = 200
 ) -> Frames:
     """Frames around a click (u, v), at most `keep`: well covered, and the click well inside."""
     point = np.asarray(click, dtype=np.float64) - lines.centre
-    corners, support = find_quadrangles(lines, _nearby_lines(lines, point, line_limit), point, least_support)
-    triangles, sides = _triangles(lines, point, least_support)
+    view = _seen_from(lines, point)
+    corners, support = find_quadrangles(lines, view.widest(line_limit), point, least_support)
+    triangles, sides = _triangles(lines, view, point, least_support)
     corners, support = np.concatenate([corners, triangles]), np.concatenate([support, sides])
     covered = np.log(support).mean(axis=1) + support.min(axis=1)
     best = np.argsort(-covered, kind="stable")[:_CONSIDERED]
@@ -64,27 +88,19 @@ def _unlike(corners: FloatArray, rank: FloatArray) -> IndexArray:
     return unlike
 
 
-def _nearby_lines(lines: LineSet, point: FloatArray, limit: int) -> IndexArray:
-    """Lines that cover the largest angles as seen from the point, evenly from all sides."""
+def _seen_from(lines: LineSet, point: FloatArray) -> _View:
     distance = lines.normal @ point - lines.offset
     covered = lines.covered[:, ::_SPARSE]
-    along = np.arange(covered.shape[1]) * (STEP * _SPARSE) - lines.reach - (lines.direction @ point)[:, None]
     apart = np.abs(distance)
-    angle = np.sum(covered * (apart[:, None] / (apart[:, None] ** 2 + along**2 + 1e-9)), axis=1)
+    foot = lines.reach + lines.direction @ point
+    along = np.arange(covered.shape[1], dtype=np.float32) * np.float32(STEP * _SPARSE)
+    along = along - foot[:, None].astype(np.float32)
+    near = apart[:, None].astype(np.float32)
+    angle = np.sum(covered * (near / (near**2 + along**2 + np.float32(1e-9))), axis=1).astype(np.float64)
     angle[apart < 3] = 0  # a line through the click bounds nothing
     inward = lines.normal * np.sign(distance)[:, None]
-    sector = (
-        np.floor((np.arctan2(inward[:, 1], inward[:, 0]) / (2 * np.pi) + 1) * _SECTORS).astype(int) % _SECTORS
-    )
-    chosen = np.zeros(len(angle), dtype=np.bool_)
-    # Mostly lines that look wide from the click; some that are long, however far: the ends of a frieze.
-    for rank, share in ((angle, 0.75), (angle * apart, 0.25)):
-        free = rank * ~chosen
-        order = np.argsort(-free, kind="stable")
-        order = order[free[order] > 0]
-        for number in range(_SECTORS):
-            chosen[order[sector[order] == number][: int(share * limit / _SECTORS)]] = True
-    return np.flatnonzero(chosen)
+    turn = np.arctan2(inward[:, 1], inward[:, 0]) / (2 * np.pi) + 1
+    return _View(angle, apart, np.floor(turn * _SECTORS).astype(np.int64) % _SECTORS)
 
 
 def _intersections(normal: FloatArray, offset: FloatArray) -> FloatArray:
@@ -96,10 +112,10 @@ def _intersections(normal: FloatArray, offset: FloatArray) -> FloatArray:
     return np.stack([u, v], axis=-1)
 
 
-def _triangles(lines: LineSet, point: FloatArray, least: float) -> tuple[FloatArray, FloatArray]:
+def _triangles(lines: LineSet, view: _View, point: FloatArray, least: float) -> tuple[FloatArray, FloatArray]:
     """Triangles around a point of two lines near it and a third: corners (N,4,2), support (N,4)."""
-    chosen = _nearby_lines(lines, point, _THIRD_LINES)
-    near = np.isin(chosen, _nearby_lines(lines, point, _TRIANGLE_LINES))
+    chosen = view.widest(_THIRD_LINES)
+    near = np.isin(chosen, view.widest(_TRIANGLE_LINES))
     side = np.where(lines.normal[chosen] @ point > lines.offset[chosen], 1.0, -1.0)
     corner = _intersections(lines.normal[chosen] * side[:, None], lines.offset[chosen] * side)
     inside = np.all(np.abs(corner) <= lines.centre + 3, axis=-1)
