@@ -34,7 +34,7 @@ SAINT = [(432, 283), (397, 301), (369, 345), (365, 414), (366, 655), (520, 662),
 ON_SCAN = {"annunciation": (3.49, 0.005, 1.72), "tablet": (0.035, -0.57, 1.16), "saint": (0.62, 0.01, 1.84)}
 
 
-def picture(ui, name, areas=()):
+def picture(ui, name, areas=(), width=WIDTH):
     """Photograph the window, or some of its areas, and keep it small enough for a page."""
     import cv2
 
@@ -46,7 +46,7 @@ def picture(ui, name, areas=()):
         left, right = min(a.x for a in areas), max(a.x + a.width for a in areas)
         low, high = min(a.y for a in areas), max(a.y + a.height for a in areas)
         image = image[height - high : height - low, left:right]
-    size = WIDTH, round(image.shape[0] * WIDTH / image.shape[1])
+    size = width, round(image.shape[0] * width / image.shape[1])
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     cv2.imwrite(str(path.with_suffix(".jpg")), small, [cv2.IMWRITE_JPEG_QUALITY, 85])
 
@@ -175,7 +175,7 @@ def cloud(ui, sample):
         yield from mark_on_scan(ui, area, name, place)
         d.fresco().active_region.name = name
     yield 3.0
-    picture(ui, "window-cloud", [area])
+    picture(ui, "window-cloud", [area], 640)
 
 
 def workspace(ui, sample):
