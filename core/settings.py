@@ -37,7 +37,7 @@ class RegionSettings:
     """Longer side (pixels) of the copy that the photo wand searches; outlines are finished on the photo."""
 
     least_support: float = 0.3
-    """Smallest share of a frame's side that an edge of the photo has to cover."""
+    """Share of a frame's side that an edge of the photo has to cover; one of the four may have less."""
 
     line_limit: int = 100
     """Straight edges around a click that may be the long sides of a frame."""
