@@ -1,7 +1,8 @@
 """Straight-sided frames around a click: panels, windows, doors, painted fields, of three or four sides.
 
-Ornamented stone is not of one colour, but what bounds it is straight: among all convex polygons around the
-click whose sides lie on lines of the photo, those are kept whose sides an edge really covers.
+Ornamented stone is not of one colour, but what bounds it is straight: among the convex polygons around the
+click whose sides lie on lines of the photo (`spans` makes those of four sides), those are kept whose sides an
+edge really covers.
 Source: convex groups by their gap fraction, Jacobs, Robust and efficient detection of salient convex
 groups, PAMI 1996; here the support is read off whole lines, so a side may be interrupted by ornament.
 """
@@ -14,13 +15,11 @@ import numpy as np
 
 from ..arrays import ArrayLike, FloatArray, IndexArray
 from .lines import STEP, LineSet
-from .spans import find_quadrangles, off_centre, side_support
+from .spans import SHORTEST_SIDE, TURN, find_quadrangles, off_centre, side_support
 
 _SECTORS = 12  # directions around the click from which lines are taken evenly
-_SHORTEST_SIDE = 8.0  # pixels
 _TRIANGLE_LINES = 60  # lines around a click of which two are sides of a triangle
 _THIRD_LINES = 200  # lines of which one is its third side
-_TURN = np.sin(np.radians(15))  # smallest turn at a corner
 _CONSIDERED = 4000  # frames with the best covered sides whose places are compared
 _SPARSE = 4  # samples along a line of which one is enough to tell how wide the line looks
 _ALIKE = 0.02  # of a frame's size: corners nearer than this are alike
@@ -106,7 +105,7 @@ def _seen_from(lines: LineSet, point: FloatArray) -> _View:
 def _intersections(normal: FloatArray, offset: FloatArray) -> FloatArray:
     """Corner (n,n,2) where line i meets line j; NaN where the way around does not turn enough from i to j."""
     cross = normal[:, None, 0] * normal[None, :, 1] - normal[:, None, 1] * normal[None, :, 0]
-    safe = np.where(cross > _TURN, cross, np.nan)
+    safe = np.where(cross > TURN, cross, np.nan)
     u = (offset[:, None] * normal[None, :, 1] - normal[:, None, 1] * offset[None, :]) / safe
     v = (normal[:, None, 0] * offset[None, :] - offset[:, None] * normal[None, :, 0]) / safe
     return np.stack([u, v], axis=-1)
@@ -123,7 +122,7 @@ def _triangles(lines: LineSet, view: _View, point: FloatArray, least: float) -> 
     pair, k = np.nonzero(inside[j] & inside[:, i].T)
     i, j = i[pair], j[pair]
     corners = np.stack([corner[i, j], corner[j, k], corner[k, i], corner[i, j]], axis=1)
-    long = np.linalg.norm(np.diff(corners, axis=1), axis=2).min(axis=1) > _SHORTEST_SIDE
+    long = np.linalg.norm(np.diff(corners, axis=1), axis=2).min(axis=1) > SHORTEST_SIDE
     corners, i, j, k = corners[long], i[long], j[long], k[long]
     sides = [
         side_support(lines, chosen[on], corners[:, n], corners[:, n + 1]) for n, on in enumerate((j, k, i))

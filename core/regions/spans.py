@@ -18,8 +18,8 @@ from .lines import LineSet, joined
 
 _STRIPS = 160  # strips that are closed
 _ENDS = 10  # ends of a strip on either side that are combined
-_TURN = np.sin(np.radians(15))  # smallest turn at a corner
-_SHORTEST = 8.0  # pixels that a side has at least
+TURN = np.sin(np.radians(15))  # smallest turn at a corner
+SHORTEST_SIDE = 8.0  # pixels that a side has at least
 _NEAREST = 3.0  # pixels: an end nearer to the click goes through it
 _FACING = -np.cos(np.radians(30))  # cosine of the angle between the normals of sides that face each other
 _BARE = 0.05  # support that counts for a side that no edge covers
@@ -96,7 +96,7 @@ def _strips(lines: LineSet, chosen: IndexArray, point: FloatArray) -> tuple[Inde
         ends = [lines.covered_until(chosen[side], foot[side] + way * _WINDOW * gap) for way in (-1, 1)]
         rank += np.log(np.maximum((ends[1] - ends[0]) / (2 * _WINDOW * gap), _BARE))
     rank += off_centre(np.abs(apart[i] - apart[j]) / gap * np.sqrt(3))
-    rank[gap < _SHORTEST] = -np.inf
+    rank[gap < SHORTEST_SIDE] = -np.inf
     best = np.argsort(-rank, kind="stable")[:_STRIPS]
     return chosen[i[best]], chosen[j[best]]
 
@@ -115,7 +115,7 @@ def _ends(lines: LineSet, strips: tuple[IndexArray, IndexArray], point: FloatArr
     """All lines that cross a strip in the photo, at some distance from the click, and are covered there."""
     on_first, from_first, met_first = _crossings(lines, strips[0])
     on_second, from_second, met_second = _crossings(lines, strips[1])
-    strip, line = np.nonzero(met_first & met_second & (np.abs(from_first - from_second) > _SHORTEST))
+    strip, line = np.nonzero(met_first & met_second & (np.abs(from_first - from_second) > SHORTEST_SIDE))
     a, b = from_first[strip, line], from_second[strip, line]
     support = np.abs(lines.covered_until(line, a) - lines.covered_until(line, b)) / np.abs(a - b)
     covered = support >= _LEAST_END
@@ -136,7 +136,7 @@ def _crossings(lines: LineSet, side: IndexArray) -> tuple[FloatArray, FloatArray
     normal, offset = every[side], lines.offset[side, None].astype(np.float32)
     cross = normal @ np.stack([every[:, 1], -every[:, 0]])
     cosine = normal @ every.T
-    turns = np.abs(cross) > _TURN
+    turns = np.abs(cross) > TURN
     inverse = 1 / np.where(turns, cross, np.float32(1))
     offsets = lines.offset.astype(np.float32)
     along_side = (cosine * offset - offsets) * inverse
