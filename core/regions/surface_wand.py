@@ -58,7 +58,8 @@ def grow_surface(index: SurfaceIndex, face: int, settings: RegionSettings | None
     rest = [tolerance for tolerance in tolerances if not levels or tolerance > levels[-1].tolerance]
     if rest and len(index.patches.area) > _NEAR and not _saturated(levels):
         fit = levels[-1].fit if levels else start
-        levels += _levels(index, face, fit, rest, len(index.patches.area), settings)
+        # Large regions take long, and change little from one tolerance to the next.
+        levels += _levels(index, face, fit, rest[::2], len(index.patches.area), settings)
     if not levels:
         raise RegionError(
             "This is a loose triangle without neighbours: click on the surface, or use the brush."
