@@ -81,7 +81,7 @@ def refine_pose_on_scan_job(view: View, scan: Scan, settings: EdgeSettings | Non
     prior = _prior(view, scan.origin, settings)
     start = yield from part(search_start_job(view, scan, prior, settings), 0.0, 0.3)
     rotation, centre = start.rotation, start.centre
-    finest = finest_scale(view, settings)
+    finest = finest_scale(view, prior, scan, settings)
     levels = []
     rng = np.random.default_rng(settings.seed)
     for number, scale in enumerate((finest / 2, finest)):

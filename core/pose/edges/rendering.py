@@ -15,6 +15,9 @@ from ..points.smoothing import averaged_normals
 SMOOTH = np.radians(3.0)
 """Largest noise of a scan whose normals are taken as they are."""
 
+ROUGH = np.radians(10.0)
+"""Noise at which a scan's edges are doubted as much as can be, and creases have to be twice as sharp."""
+
 ROWS = 64
 """Image rows that are cast at once."""
 
@@ -36,6 +39,11 @@ class Scan:
     noise: float
     origin: FloatArray
 
+    @property
+    def noisy(self) -> bool:
+        """Whether single faces are too noisy to make creases."""
+        return bool(self.noise > SMOOTH)
+
     @classmethod
     def centred(cls, vertices: ArrayLike, faces: ArrayLike, colors: ArrayLike | None = None) -> Scan:
         """Prepare a mesh relative to its middle, `origin`: world coordinates may be millions of metres."""
@@ -52,8 +60,10 @@ class Scan:
         cosine = np.einsum("fk,fk->f", flat, normals[triangles[:, 0]])[area > 0]
         noise = float(np.median(np.arccos(np.clip(cosine, -1, 1)))) if len(cosine) else 0.0
         # noise of single faces makes no crease; the creases of a clean scan stay where its faces meet
-        noisy = noise > SMOOTH
-        corner_normals = averaged_normals(normals, triangles, rounds=3)[triangles] if noisy else flat[:, None]
+        smooth = noise <= SMOOTH
+        corner_normals = (
+            flat[:, None] if smooth else averaged_normals(normals, triangles, rounds=3)[triangles]
+        )
         values = None if colors is None else _color_values(np.asarray(colors), len(vertices))
         caster = RayCaster(vertices, triangles)
         return cls(vertices, triangles, corner_normals, values, caster, noise, np.zeros(3))

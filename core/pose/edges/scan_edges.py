@@ -11,7 +11,7 @@ from ...arrays import BoolArray, Float32Array, FloatArray, IndexArray
 from ...cameras.base import Camera
 from ...settings import EdgeSettings
 from .photo_edges import structure_tensor
-from .rendering import Rendering, Scan, render_scan
+from .rendering import ROUGH, Rendering, Scan, render_scan
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,9 @@ def find_scan_edges(
     Source: method.md 2.6; non-maximum suppression of Canny 1986.
     """
     seen = render_scan(camera, rotation, centre, scan)
-    xx, yy, xy = _gradients(camera, seen, settings)
+    # noise turns the surface, too
+    crease = settings.crease * (1.0 + scan.noise / ROUGH)
+    xx, yy, xy = _gradients(camera, seen, crease, settings.step)
     solid = cv2.erode(seen.hit.astype(np.uint8), np.ones((7, 7), np.uint8), borderValue=[1.0])
     magnitude = np.sqrt(xx + yy) * solid
     angle = 0.5 * np.arctan2(2 * xy, xx - yy)
@@ -68,13 +70,13 @@ def find_scan_edges(
 
 
 def _gradients(
-    camera: Camera, seen: Rendering, settings: EdgeSettings
+    camera: Camera, seen: Rendering, crease: float, step: float
 ) -> tuple[Float32Array, Float32Array, Float32Array]:
-    """Structure tensor of the surface in units of the smallest edge: xx, yy, xy (H,W)."""
+    """Structure tensor of the surface in units of the smallest edge (degrees, px): xx, yy, xy (H,W)."""
     weight = seen.hit.astype(np.float32)
-    crease = np.float32(1.0 / np.radians(settings.crease))
-    xx, yy, xy = structure_tensor(crease * _smooth(seen.normals[..., k], weight) for k in range(3))
-    step_x, step_y = _depth_steps(camera, seen, settings)
+    unit = np.float32(1.0 / np.radians(crease))
+    xx, yy, xy = structure_tensor(unit * _smooth(seen.normals[..., k], weight) for k in range(3))
+    step_x, step_y = _depth_steps(camera, seen, step)
     xx, yy = xx + step_x**2, yy + step_y**2
     if seen.colors is not None:
         channels = (np.log(seen.colors[..., k] + 4.0) for k in range(seen.colors.shape[2]))
@@ -91,9 +93,7 @@ def _smooth(channel: FloatArray, weight: Float32Array) -> Float32Array:
     return mean
 
 
-def _depth_steps(
-    camera: Camera, seen: Rendering, settings: EdgeSettings
-) -> tuple[Float32Array, Float32Array]:
+def _depth_steps(camera: Camera, seen: Rendering, step: float) -> tuple[Float32Array, Float32Array]:
     """Depth steps between neighbours along x and y, in units of the smallest one, 0 without.
 
     A step is what lies off the tangent planes of both neighbours, so that a slanted wall has none.
@@ -111,7 +111,7 @@ def _depth_steps(
         near = np.minimum(seen.distance, np.roll(seen.distance, -1, axis))
         both = seen.hit & np.roll(seen.hit, -1, axis)
         np.moveaxis(both, axis, 0)[-1] = False  # rolled around the frame
-        size = np.where(both, off / np.maximum(near * pixel * settings.step, 1e-12), 0.0)
+        size = np.where(both, off / np.maximum(near * pixel * step, 1e-12), 0.0)
         size = np.where(size > 1.0, np.minimum(size, 3.0), 0.0).astype(np.float32)
         # the step lies between two pixels: give it to both, so that its ridge is there
         shared = 0.5 * (size + np.roll(size, 1, axis))

@@ -65,7 +65,8 @@ def search_start_job(view: View, scan: Scan, prior: PosePrior, settings: EdgeSet
     scale = min(1.0, SIZE / largest)
     photo, edges, sigma = _seen(view, scale, scan, prior, settings)
     if sigma > 0 and not 0.75 * REACH < 3 * sigma < 1.25 * REACH:
-        scale = float(np.clip(scale * REACH / (3 * sigma), SMALLEST / largest, finest_scale(view, settings)))
+        finest = finest_scale(view, prior, scan, settings)
+        scale = float(np.clip(scale * REACH / (3 * sigma), min(SMALLEST / largest, finest), finest))
         photo, edges, sigma = _seen(view, scale, scan, prior, settings)
     yield Progress(0.3, "Shifting patches of edges over the photo")
     rng = np.random.default_rng(settings.seed)
