@@ -91,6 +91,9 @@ def resized(ui, photo, scan):
         subprocess.run([*find, "windowsize", *map(str, size)], check=True, timeout=20)
         yield from ui.wait(lambda w=size[0]: abs(ui.window.width - w) < 3, 20, "the other size")
         yield 1.0
+        with ui.override(photo):
+            bpy.ops.image.view_all(fit_view=True)
+        yield 0.5
         count = len(d.fresco().regions)
         d.fresco().region_index = count
         yield from d.use_tool(ui, photo, "fresco.tool_photo_wand")
