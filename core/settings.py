@@ -297,8 +297,5 @@ class EdgeSettings:
     min_score: float = 1.1
     """Smallest edge agreement (1: none) at which a pose is believed."""
 
-    strong_score: float = 1.6
-    """Edge agreement from which a pose far from the start may leave parts of the photo at odds."""
-
     seed: int = 0
     """Start of the random numbers: the same photo gives the same pose."""

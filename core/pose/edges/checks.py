@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import eigh
 from scipy.stats import chi2
 
 from ...arrays import BoolArray, FloatArray
@@ -23,6 +24,9 @@ UNLIKELY = float(chi2.ppf(0.999, 6))
 
 RIVAL = 0.85
 """Share of the best fit from which another pose makes a search ambiguous."""
+
+OPEN = 0.5
+"""Share of an assumed standard deviation that edges have to get below in every direction."""
 
 CONTRADICTION = 16.0
 """Halves that are four standard deviations apart in every direction contradict each other."""
@@ -70,6 +74,20 @@ def far_move(alignment: Alignment, prior: PosePrior) -> str:
     return (
         f"The edges would turn the photo by {angle:.2f} degrees and move it by {way:.1f} cm, much more than "
         "the pose is uncertain by: it was kept. Improve it by points or regions first."
+    )
+
+
+def open_direction(covariance: FloatArray, prior: PosePrior) -> str:
+    """Note when some direction of the pose is hardly better known than the start was assumed to be.
+
+    An assumption must not hold what the edges leave open; a covariance that the start brought along may.
+    """
+    left = eigh(covariance, prior.covariance, eigvals_only=True)
+    if float(np.sqrt(left[-1])) <= OPEN:
+        return ""
+    return (
+        "The edges leave open a direction in which turning and moving the camera look alike: the pose was "
+        "kept. Start from regions or points, which say how sure they are."
     )
 
 

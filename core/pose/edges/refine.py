@@ -12,7 +12,15 @@ from ...photos.view import View
 from ...settings import EdgeSettings
 from ..pose import Pose
 from .alignment import Alignment, Photo, PosePrior, align_edges, edge_agreement
-from .checks import ambiguous, disagreement_of_halves, far_move, few_edges, halves_apart, no_agreement
+from .checks import (
+    ambiguous,
+    disagreement_of_halves,
+    far_move,
+    few_edges,
+    halves_apart,
+    no_agreement,
+    open_direction,
+)
 from .levels import divided_edges, finest_scale, photo_at
 from .rendering import Scan
 from .scan_edges import ScanEdges, find_scan_edges
@@ -128,14 +136,17 @@ def _decide(case: _Case, levels: list[Photo], fit: ScanEdges, alignment: Alignme
     )
     if not note:
         disagreement = disagreement_of_halves(levels[-1], fit, alignment, prior, WIDTHS)
+        covariance = alignment.widened(disagreement)
         note = halves_apart(disagreement)
+        if view.covariance is None:
+            note = note or open_direction(covariance, prior)
     if note:
         return EdgePose(view.rotation, view.translation, prior.covariance, before, before, 0, note)
     centre = alignment.centre + case.scan.origin
     return EdgePose(
         alignment.rotation,
         -alignment.rotation @ centre,
-        alignment.widened(disagreement),
+        covariance,
         before,
         after,
         alignment.matched,

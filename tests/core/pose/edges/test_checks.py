@@ -14,6 +14,7 @@ from fresco.core.pose.edges.checks import (
     few_edges,
     halves_apart,
     no_agreement,
+    open_direction,
 )
 from fresco.core.pose.edges.scan_edges import _pieces
 from fresco.core.settings import EdgeSettings
@@ -72,6 +73,14 @@ def test_move_is_judged_by_the_covariance_of_the_start(start, alignment):
 def test_contradicting_halves_are_told():
     assert halves_apart(0.99 * CONTRADICTION) == ""
     assert "10 times as far apart" in halves_apart(100.0)
+
+
+def test_direction_that_only_an_assumption_holds_is_told(start):
+    shape = np.diag([0.1, 0.1, 0.1, 0.1, 0.49, 0.1]) ** 2
+    assert open_direction(shape @ start.covariance, start) == ""
+    # a combination of turn and move is open, though each number alone is not at its worst
+    way = np.array([0, 0.6, 0, 0.6, 0, 0]) * np.sqrt(np.diag(start.covariance))
+    assert "leave open a direction" in open_direction(0.01 * start.covariance + np.outer(way, way), start)
 
 
 def test_rival_is_told():
