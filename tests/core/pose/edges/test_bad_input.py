@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 from fresco.core.cameras import CatadioptricCamera, EquirectangularCamera, PerspectiveCamera
 from fresco.core.geometry.rigid import log_so3
+from fresco.core.jobs import drain
 from fresco.core.pose import refine_pose_by_edges
+from fresco.core.pose.edges import refine_pose_on_scan_job
+from fresco.core.pose.edges.rendering import Scan
 from scipy.stats import chi2
 
 UNLIKELY = chi2.ppf(0.999, 6)
@@ -46,6 +49,18 @@ def test_scan_that_covers_a_third_of_the_photo(wall, view, disturb):
     start = disturb(view, 0.2, 0.02, 42)
     pose = refine_pose_by_edges(start, wall.vertices, wall.faces[kept])
     assert_right_or_kept(pose, view, start)
+
+
+def test_noisy_scan_prepared_once_serves_several_photos(wall, view, disturb):
+    noise = np.random.default_rng(7).normal(0, 0.002, wall.vertices.shape)
+    scan = Scan.centred(wall.vertices + noise, wall.faces)
+    assert scan.noisy
+    for seed in (45, 46):
+        start = replace(disturb(view, 0.3, 0.03, seed), covariance=np.diag(np.repeat([0.003, 0.018], 3) ** 2))
+        pose = drain(refine_pose_on_scan_job(start, scan))
+        assert pose.refined, pose.note
+        assert np.linalg.norm(pose.centre - view.centre) < 0.03
+        assert normalised_error(pose, view) < UNLIKELY
 
 
 def test_people_before_the_wall(wall, view, disturb):
