@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
@@ -89,6 +90,12 @@ SHARES = np.array([0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 0.95])
 
 BLOCKS = 3.0
 """Independent pieces of evidence per stretch of boundary whose errors hang together."""
+
+FEW = 5
+"""Sides of an only region up to which one of them drawn beside the true edge does not show."""
+
+STRAIGHT = 0.02
+"""Share of a smoothed boundary's length by which a side may depart from a straight line."""
 
 SIDE = 0.08
 """Share of a region's boundary from which a straight piece of outline beside it is no slip."""
@@ -227,7 +234,8 @@ def finished(contours: Contours, fit: OutlineFit) -> OutlineFit:
     exact = fit_between_pixels(camera, contours.problem.outlines, fit.rotation, fit.translation)
     if exact is not None and not _side_beside(contours, fit):
         rotation, translation, covariance = exact
-        return replace(fit, rotation=rotation, translation=translation, covariance=covariance, exact=True)
+        proven = not few_sides(contours, rotation, translation)
+        return replace(fit, rotation=rotation, translation=translation, covariance=covariance, exact=proven)
     if fit.share < SURE_SHARE:  # wrong fits lock rarely, and never on the pixel
         doubt = moment_covariance(contours.problem.moments, fit.rotation, fit.translation)
         share = FALSE_LOCKS / len(contours.problem.outlines) ** 2
@@ -239,6 +247,18 @@ def finished(contours: Contours, fit: OutlineFit) -> OutlineFit:
     matches = [match(camera, pair, turned, moved) for pair in pairs]
     spread = outline_covariance(pairs, matches, SCALES[-1] * fit.near, 0.0)
     return replace(fit, rotation=turned, translation=moved, covariance=spread)
+
+
+def few_sides(contours: Contours, rotation: FloatArray, translation: FloatArray) -> bool:
+    """Whether there is but one boundary and it has at most `FEW` straight sides, as a pose shows it."""
+    problem = contours.problem
+    if sum(len(loops) for pair in problem.outlines for loops in pair.boundaries) > 1:
+        return False
+    (pair,) = contours.pairs(LEVELS[-1], rotation, translation)  # smooth: a scan's border is jagged
+    drawn = problem.camera.project(pair.surface.points @ rotation.T + translation)
+    outline = drawn[np.isfinite(drawn).all(axis=1)].astype(np.float32)
+    corners = cv2.approxPolyDP(outline, STRAIGHT * cv2.arcLength(outline, True), True)
+    return len(corners) <= FEW
 
 
 def _side_beside(contours: Contours, fit: OutlineFit) -> bool:

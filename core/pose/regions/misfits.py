@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-import cv2
 import numpy as np
 
 from ...errors import PoseNotFound
@@ -13,15 +12,9 @@ from ...jobs import Job, Progress
 from ...regions.image_region import described
 from .ambiguity import MISFIT
 from .contour import match
-from .fitting import LEVELS, Contours
+from .fitting import LEVELS, Contours, few_sides
 from .problem import Problem
 from .region_pose import RegionPose
-
-FEW = 5
-"""Sides of an only region up to which one of them drawn beside the true edge does not show."""
-
-STRAIGHT = 0.02
-"""Share of a smoothed boundary's length by which a side may depart from a straight line."""
 
 UNCONTRADICTED = (
     "The only region has so few sides that one of them, drawn beside the true edge, would not show: the pose "
@@ -57,7 +50,8 @@ def misfits_told(problem: Problem, pose: RegionPose) -> RegionPose:
     An only region of few straight sides, one of them drawn elsewhere, is another view of itself: then the
     remark says what the standard deviations cannot know.
     """
-    if pose.locked and not pose.ambiguous and _few_sides(problem, pose):
+    shift = pose.translation + pose.rotation @ problem.origin
+    if pose.locked and not pose.ambiguous and few_sides(Contours(problem), pose.rotation, shift):
         return replace(pose, remarks=(UNCONTRADICTED,))
     errors = np.nan_to_num(np.array(pose.region_errors))
     bad = np.flatnonzero(errors > MISFIT) if pose.locked else np.zeros(0, dtype=np.int64)
@@ -69,18 +63,6 @@ def misfits_told(problem: Problem, pose: RegionPose) -> RegionPose:
         for place in bad
     )
     return replace(pose, remarks=remarks)
-
-
-def _few_sides(problem: Problem, pose: RegionPose) -> bool:
-    """Whether there is but one boundary and it has at most `FEW` straight sides."""
-    if sum(len(loops) for pair in problem.outlines for loops in pair.boundaries) > 1:
-        return False
-    shift = pose.translation + pose.rotation @ problem.origin
-    (pair,) = Contours(problem).pairs(LEVELS[-1], pose.rotation, shift)  # smooth: a scan's border is jagged
-    drawn = problem.camera.project(pair.surface.points @ pose.rotation.T + shift)
-    outline = drawn[np.isfinite(drawn).all(axis=1)].astype(np.float32)
-    corners = cv2.approxPolyDP(outline, STRAIGHT * cv2.arcLength(outline, True), True)
-    return len(corners) <= FEW
 
 
 def _quietly(job: Job[RegionPose]) -> Job[RegionPose]:
