@@ -6,7 +6,7 @@ Marks are read when they are needed: the masks of hundreds of photos do not fit 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -195,22 +195,15 @@ def _ring(ring: Any, where: str) -> FloatArray:
     return corners
 
 
-def polygons_to_geojson(marks: Mapping[str, RegionMark]) -> dict[str, Any]:
-    """GeoJSON feature collection of polygon marks, as `read_polygons` reads it."""
-    return {
-        "type": "FeatureCollection",
-        "features": [
-            {
-                "type": "Feature",
-                "properties": {"name": mark.name},
-                "geometry": {
-                    "type": "Polygon",
-                    "coordinates": [
-                        [*loop.tolist(), loop[0].tolist()] for loop in (mark.outline, *mark.holes)
-                    ],
-                },
-            }
-            for mark in marks.values()
-            if mark.outline is not None
-        ],
-    }
+def polygons_to_geojson(marks: Iterable[RegionMark]) -> dict[str, Any]:
+    """GeoJSON feature collection of the polygons among marks, as `read_polygons` reads it."""
+    features = [
+        _feature(mark.name, (mark.outline, *mark.holes)) for mark in marks if mark.outline is not None
+    ]
+    return {"type": "FeatureCollection", "features": features}
+
+
+def _feature(name: str, loops: Sequence[FloatArray]) -> dict[str, Any]:
+    rings = [[*loop.tolist(), loop[0].tolist()] for loop in loops]
+    geometry = {"type": "Polygon", "coordinates": rings}
+    return {"type": "Feature", "properties": {"name": name}, "geometry": geometry}

@@ -18,7 +18,7 @@ from ..cameras import Camera
 from ..cameras.files import camera_to_dict, write_camera_json
 from ..files import replacing
 from ..jobs import Job, Progress
-from ..photos.marks import RegionMark
+from ..photos.marks import RegionMark, polygons_to_geojson
 from ..photos.photo import Photo
 from ..pose.points.survey import Survey
 from ..regions.files import write_mask
@@ -92,7 +92,6 @@ class _Cameras:
         if key not in self._names:
             name = f"camera {len(self._names) + 1}"
             path = self.folder / "cameras" / f"{name}.json"
-            path.parent.mkdir(parents=True, exist_ok=True)
             write_camera_json(path, camera)
             self._names[key] = name
             self.tables.append({"name": name, "file": path})
@@ -104,7 +103,6 @@ def _scan(scan: ScanEntry, unsaved: Mapping[str, tuple[FloatArray, IntArray]], f
     occluders = list(scan.occluders)
     for name, (vertices, faces) in unsaved.items():
         path = folder / "occluders" / f"{_file_name(name)}.ply"
-        path.parent.mkdir(parents=True, exist_ok=True)
         write_ply(path, _in_unit(vertices, scan.settings), faces)
         occluders.append(path)
     return table | {"occluders": occluders} if occluders else table
@@ -124,7 +122,7 @@ def _photo(entry: PhotoEntry, cameras: _Cameras, folder: Path) -> _Table:
         return table
     table["camera"] = cameras.name(photo.camera)
     if photo.regions:
-        table["regions"] = _masks(photo, folder / "masks" / _file_name(photo.name))
+        table["regions"] = _marks(photo, folder)
     if photo.mask is not None:
         table["mask"] = photo.mask
     if entry.pose is not None:
@@ -135,6 +133,16 @@ def _photo(entry: PhotoEntry, cameras: _Cameras, folder: Path) -> _Table:
         table["points"] = {name: list(pixel) for name, pixel in entry.picks.items()}
     optional = {"layer": entry.layer, "priority": entry.priority, "telephoto": entry.telephoto}
     return table | {key: value for key, value in optional.items() if value}
+
+
+def _marks(photo: Photo, folder: Path) -> Path | dict[str, Path]:
+    """File of a photo's polygons, or its masks by name where some marks are masks or hidden in part."""
+    if any(mark.outline is None or mark.hidden is not None for mark in photo.regions):
+        return _masks(photo, folder / "masks" / _file_name(photo.name))
+    path = folder / "polygons" / f"{_file_name(photo.name)}.geojson"
+    with replacing(path) as file:
+        file.write(json.dumps(polygons_to_geojson(photo.regions), ensure_ascii=False, indent=1).encode())
+    return path
 
 
 def _masks(photo: Photo, folder: Path) -> dict[str, Path]:

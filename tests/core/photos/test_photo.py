@@ -241,7 +241,7 @@ def test_polygons_there_and_back(folder):
         holes=(np.array([[5, 3], [6, 3], [6, 4]]),),
     )
     path = folder / "régiók.json"
-    path.write_text(json.dumps(polygons_to_geojson({"x": mark}), ensure_ascii=False), encoding="utf-8")
+    path.write_text(json.dumps(polygons_to_geojson([mark]), ensure_ascii=False), encoding="utf-8")
     back = read_polygons(path)["déli ablak"]
     np.testing.assert_array_equal(back.outline, mark.outline)
     np.testing.assert_array_equal(back.holes[0], mark.holes[0])

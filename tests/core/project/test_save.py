@@ -1,10 +1,12 @@
 """Whatever a project asks of its stages is asked again by the file it is saved to."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from fresco.core.jobs import drain
+from fresco.core.photos import read_polygons
 from fresco.core.project.load import load_project
 from fresco.core.project.save import save_project_job
 
@@ -65,3 +67,27 @@ def test_photos_and_regions_come_back(saved):
 def numbered(project):
     """Return the numbers and names of the regions, from one label file or several entries."""
     return {(n, name) for source in project.regions.labels for n, name in source.names.items()}
+
+
+def test_polygons_stay_polygons_unless_a_part_is_hidden(folder):
+    text = (folder / "terv.toml").read_text(encoding="utf-8")
+    (folder / "terv.toml").write_text(text.replace("maszkok/{photo}/{region}.png", "{photo}.json"))
+    ring = [[10.25, 10.0], [40.5, 12.0], [30.0, 30.75], [10.25, 10.0]]
+    shape = {"type": "Polygon", "coordinates": [ring, [[20, 14], [24, 14], [22, 18]]]}
+    feature = {"type": "Feature", "properties": {"name": "ablak"}, "geometry": shape}
+    content = {"width": 96, "height": 64, "features": [feature]}
+    (folder / "kép 1.json").write_text(json.dumps(content))
+    feature["hidden"] = [[[10, 10], [20, 10], [20, 20]]]
+    (folder / "kép 2.json").write_text(json.dumps(content))
+
+    before = load_project(folder / "terv.toml")
+    drain(save_project_job(replace(before, path=folder / "másik.toml")))
+    after = load_project(folder / "másik.toml")
+
+    (old,), (new,) = before.photos[0].photo.regions, after.photos[0].photo.regions
+    np.testing.assert_array_equal(new.outline, old.outline)
+    np.testing.assert_array_equal(new.holes[0], old.holes[0])
+    assert "ablak" in read_polygons(folder / "másik_files" / "polygons" / "kép 1.geojson")
+    (old,), (new,) = before.photos[1].photo.regions, after.photos[1].photo.regions
+    assert new.read_mask(96, 64).any()
+    np.testing.assert_array_equal(new.read_hidden(96, 64), old.hidden)
