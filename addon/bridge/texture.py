@@ -13,6 +13,7 @@ from ...core.arrays import FloatArray, IntArray
 from ...core.errors import TextureError
 from ...core.project import TexturedScan
 from ...core.texture import Selection
+from ...core.texture.images import full_turn
 from ..properties import FrescoPhoto
 from . import materials, meshes
 from .colours import carry_over
@@ -130,6 +131,8 @@ def write_slots(
         photo = photos[number]
         photo.material = materials.photo_material(photo.name, photo.image, photo.material, uv_map)
         materials.write_gain(photo.material, selection.gain[number])
+        # Faces across a panorama's seam go on beyond its frame.
+        materials.write_repeating(photo.material, full_turn(read_camera(photo)) > 0)
         slots[number] = len(mesh.materials)
         mesh.materials.append(photo.material)
     return slots

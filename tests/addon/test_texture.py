@@ -81,6 +81,21 @@ def test_one_material_per_photo_used_again(posed):
         assert bpy.path.abspath(texture.image.filepath) == photo.path
 
 
+def test_a_panorama_goes_on_at_its_other_side_and_other_photos_end(posed, module):
+    bpy.ops.fresco.texture_scan()
+    mesh, bridge = posed.fresco.scan.data, module("addon.bridge.texture")
+    selection = bridge.read_texture(posed).selection
+    photos = [photo for photo in posed.fresco.photos if photo.material is not None]
+    whole = module("core.cameras").EquirectangularCamera(480, 240)
+    photos[0].camera_json = json.dumps(module("core.cameras.files").camera_to_dict(whole))
+    bridge.write_slots(mesh, selection, list(posed.fresco.photos), "Fresco")
+    assert [extension(photo.material) for photo in photos] == ["REPEAT"] + ["EXTEND"] * (len(photos) - 1)
+
+
+def extension(material):
+    return next(node.extension for node in material.node_tree.nodes if node.type == "TEX_IMAGE")
+
+
 def test_unseen_faces_are_neutral(posed):
     for photo in list(posed.fresco.photos)[1:]:
         photo.use_texture = False
