@@ -58,15 +58,6 @@ def write_calibration(data: bpy.types.Camera, camera: Camera) -> None:
     data.shift_y = ratio * (float(K[1, 2]) - 0.5 * (height - 1)) / width
 
 
-def read_calibration(data: bpy.types.Camera, frame: Frame) -> FloatArray:
-    """Return the `K` (3,3) of a camera set by `write_calibration`, to single precision."""
-    ratio = frame.pixel_aspect_y / frame.pixel_aspect_x
-    fx = data.lens * frame.width / data.sensor_width
-    cx = 0.5 * (frame.width - 1) - data.shift_x * frame.width
-    cy = 0.5 * (frame.height - 1) + data.shift_y * frame.width / ratio
-    return np.array([[fx, 0.0, cx], [0.0, fx / ratio, cy], [0.0, 0.0, 1.0]])
-
-
 def apply_frame(scene: bpy.types.Scene, frame: Frame) -> None:
     """Give the scene's render settings the photo's size and pixel shape."""
     render = scene.render
