@@ -40,6 +40,10 @@ HEAD = (
 )
 
 
+SHOWN = 3
+"""Trials with wrong poses of which the texture is compared as well."""
+
+
 class Judge:
     """Re-renders held-out photos; the rays of the pixels are cast once."""
 
@@ -91,9 +95,10 @@ def chapel(folder: Path) -> None:
 
 
 def poses(folder: Path, trials: int = 8) -> None:
-    """Turn 2 or 3 of 24 photos by one degree about random axes; count who is named."""
+    """Turn 2 or 3 of 24 photos by one degree about random axes; count who is named, show what they spoil."""
     mesh = chapel_mesh()
-    used, _ = chapel_views(folder, mesh)
+    used, held = chapel_views(folder, mesh)
+    judge = Judge(mesh, held, folder)
     random = np.random.default_rng(0)
     named = wrong = false = right = 0
     for trial in range(trials):
@@ -110,6 +115,13 @@ def poses(folder: Path, trials: int = 8) -> None:
         missed = np.setdiff1d(bad, out)
         note = [(used[n].name, round(float(selection.pose_shift[n]), 1)) for n in missed]
         print(f"trial {trial}: turned {len(bad)}, named {len(bad) - len(missed)}, missed {note}", flush=True)
+        if trial < SHOWN:
+            without = [view for number, view in enumerate(used) if number not in bad]
+            rows = [
+                judge.row(f"trial {trial}, {name}", photos, TextureSettings())
+                for name, photos in (("turned", views), ("without them", without))
+            ]
+            print("\n".join([HEAD, *rows]), flush=True)
     print(f"named {named} of {wrong} photos turned by 1 degree; {false} of {right} right ones named too")
 
 
