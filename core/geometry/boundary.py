@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import ArrayLike, FloatArray, IndexArray
+from .runs import runs
 
 
 def boundary_edges(faces: ArrayLike) -> IndexArray:
@@ -87,8 +88,7 @@ def subdivided(loop: FloatArray, longest: float) -> FloatArray:
     """Closed polyline (n,d) with edges cut evenly so that none is longer than `longest`."""
     following = np.roll(loop, -1, axis=0)
     pieces = np.maximum(np.ceil(np.linalg.norm(following - loop, axis=1) / longest), 1).astype(np.int64)
-    edge = np.repeat(np.arange(len(loop)), pieces)
-    within = np.arange(len(edge)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    edge, within = runs(pieces)
     points: FloatArray = loop[edge] + (following - loop)[edge] * (within / pieces[edge])[:, None]
     return points
 

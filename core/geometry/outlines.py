@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..arrays import BoolArray, FloatArray, IndexArray
+from .runs import runs
 
 # Directions of crack edges: right, down, left, up.
 _STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
@@ -96,8 +97,8 @@ def fill_edges(starts: FloatArray, ends: FloatArray, width: int, height: int) ->
     lower = np.maximum(starts[:, 1], ends[:, 1])
     first = np.clip(np.ceil(upper), 0, height).astype(np.int64)  # rows with upper <= v < lower
     count = np.clip(np.ceil(lower), 0, height).astype(np.int64) - first
-    edge = np.repeat(np.arange(len(starts)), count)
-    row = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count) + first[edge]
+    edge, place = runs(count)
+    row = place + first[edge]
     slope = (ends[edge, 0] - starts[edge, 0]) / (ends[edge, 1] - starts[edge, 1])
     crossing = starts[edge, 0] + slope * (row - starts[edge, 1])
     column = np.clip(np.ceil(crossing), 0, width).astype(np.int64)

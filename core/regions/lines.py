@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import BoolArray, Float32Array, FloatArray, IndexArray
+from ..geometry.runs import runs
 from ..jobs import Job, Progress
 
 STEP = 2.0  # pixels between samples along a line
@@ -133,6 +134,5 @@ def joined(left: IndexArray, right: IndexArray) -> tuple[IndexArray, IndexArray]
     ordered = right[order]
     first = np.searchsorted(ordered, left, "left")
     count = np.searchsorted(ordered, left, "right") - first
-    x = np.repeat(np.arange(len(left)), count)
-    y = order[np.arange(len(x)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)]
-    return x, y
+    x, place = runs(count)
+    return x, order[first[x] + place]

@@ -7,13 +7,13 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from ..arrays import AnyArray, ArrayLike, BoolArray, FloatArray, IndexArray, IntArray
+from ..geometry.runs import runs
 
 
 def ranges(start: IntArray, end: IntArray) -> IndexArray:
     """Whole numbers from each start to before its end, one after the other: (n,), (n,) -> (m,)."""
-    length = (end - start).astype(np.int64)
-    first = np.repeat(start - np.cumsum(length) + length, length)
-    numbers: IndexArray = first + np.arange(len(first))
+    run, place = runs((end - start).astype(np.int64))
+    numbers: IndexArray = start[run] + place
     return numbers
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..arrays import AnyArray, ByteArray, Float32Array, FloatArray, IndexArray, IntArray
+from ..geometry.runs import runs
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +47,8 @@ def cut_polygons(corners: AnyArray, counts: AnyArray) -> tuple[IntArray, IntArra
     """
     counts = np.asarray(counts, dtype=np.int64)
     per_polygon = np.maximum(counts - 2, 0)
-    owner = np.repeat(np.arange(len(counts)), per_polygon)
+    owner, nth = runs(per_polygon)
     first = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    nth = np.arange(len(owner)) - np.repeat(np.cumsum(per_polygon) - per_polygon, per_polygon)
     start: IndexArray = first[owner]
     triangles = np.stack([start, start + nth + 1, start + nth + 2], axis=1)
     return np.asarray(corners, dtype=np.int64)[triangles].astype(np.int32), owner.astype(np.int32)

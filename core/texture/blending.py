@@ -16,6 +16,7 @@ from scipy.sparse import csr_matrix, diags
 from ..arrays import BoolArray, Float32Array, FloatArray, IndexArray, IntArray
 from ..geometry.meshes import face_normals
 from ..geometry.rays import RayCaster, local_centre
+from ..geometry.runs import runs
 from ..photos.view import View
 from .visibility import project
 
@@ -99,9 +100,9 @@ def _other_photos(faces: IntArray, view: IntArray, shares: csr_matrix) -> tuple[
     count = np.diff(shares.indptr)
     mixed = np.flatnonzero((view >= 0) & (count[faces] > 1).any(axis=1))
     vertex = faces[mixed].ravel()
-    face = np.repeat(np.repeat(mixed, 3), count[vertex])
-    start = np.repeat(shares.indptr[vertex] - np.cumsum(count[vertex]) + count[vertex], count[vertex])
-    number = shares.indices[start + np.arange(len(face))]
+    corner, place = runs(count[vertex])
+    face = np.repeat(mixed, 3)[corner]
+    number = shares.indices[shares.indptr[vertex[corner]] + place]
     other = number != view[face]
     key = np.unique(face[other].astype(np.int64) * shares.shape[1] + number[other])
     return key // shares.shape[1], (key % shares.shape[1]).astype(np.int32)

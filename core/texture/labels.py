@@ -15,6 +15,7 @@ import numpy as np
 
 from ..arrays import AnyArray, BoolArray, ByteArray, Float32Array, FloatArray, IndexArray, IntArray
 from ..geometry.meshes import EdgePairs, edge_pairs
+from ..geometry.runs import runs
 from ..jobs import Job, Progress
 from .candidates import CandidateTable
 from .surface import Surface
@@ -232,10 +233,10 @@ class _EdgesOfFaces:
     def around(self, face: IndexArray, node: IntArray, first: IntArray) -> IndexArray:
         """Every edge that touches the faces, once; `node` is -1 on all other faces."""
         count = self.start[face + 1] - self.start[face]
-        run = np.repeat(self.start[face] - np.cumsum(count) + count, count) + np.arange(count.sum())
-        edge = self.edge[run]
+        owner, place = runs(count)
+        edge = self.edge[self.start[face[owner]] + place]
         # An edge between two of the faces is met twice: it belongs to its first one.
-        once: IndexArray = edge[(first[edge] == np.repeat(face, count)) | (node[first[edge]] < 0)]
+        once: IndexArray = edge[(first[edge] == face[owner]) | (node[first[edge]] < 0)]
         return once
 
 

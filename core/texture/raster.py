@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..arrays import BoolArray, Float32Array, FloatArray, IndexArray, IntArray
+from ..geometry.runs import runs
 
 _SAMPLES = 4_000_000
 
@@ -107,7 +108,7 @@ def _spans(
     portion = np.cumsum(extent.prod(axis=1)) // _SAMPLES
     bounds = np.searchsorted(portion, np.arange(portion[-1] + 2 if len(portion) else 1))
     for begin, end in pairwise(bounds.tolist()):
-        face, inner = _runs(extent[begin:end, 1])
+        face, inner = runs(extent[begin:end, 1])
         face += begin
         y = low[face, 1] + inner
         first, last = low[face, 0].astype(np.float64), high[face, 0].astype(np.float64)
@@ -118,11 +119,5 @@ def _spans(
             first = np.where(slanted & (a > 0), np.maximum(first, np.ceil(bound - 1e-9)), first)
             last = np.where(slanted & (a < 0), np.minimum(last, np.floor(bound + 1e-9)), last)
             last = np.where(slanted | (b * y + c >= -margin - 1e-9), last, -1.0)
-        span, inner = _runs(np.maximum(last - first + 1, 0).astype(np.int64))
+        span, inner = runs(np.maximum(last - first + 1, 0).astype(np.int64))
         yield face[span], (y[span] * size + first[span].astype(np.int64) + inner)
-
-
-def _runs(count: IndexArray) -> tuple[IndexArray, IndexArray]:
-    """Number of the run that each of sum(count) items belongs to, and its place in the run."""
-    run = np.repeat(np.arange(len(count)), count)
-    return run, np.arange(len(run)) - np.repeat(np.cumsum(count) - count, count)

@@ -17,6 +17,7 @@ from scipy.special import expit
 from ...arrays import BoolArray, FloatArray, IndexArray
 from ...cameras.base import Camera
 from ...geometry.rigid import exp_so3
+from ...geometry.runs import runs
 from .contour import area_turn, metres_per_pixel, outward, shown
 from .covariance import determined, per_stretch, stable_inverse
 from .problem import OutlinePair
@@ -163,8 +164,8 @@ def _boundary_samples(
             edge = np.roll(loop, -1, axis=0) - loop
             length = np.linalg.norm(edge, axis=1)
             pieces = np.maximum(np.ceil(length / size), 1).astype(np.int64)
-            which = np.repeat(np.arange(len(loop)), pieces)
-            within = np.arange(len(which)) - np.repeat(np.cumsum(pieces) - pieces, pieces) + 0.5
+            which, place = runs(pieces)
+            within = place + 0.5
             direction = (edge / np.maximum(length, 1e-300)[:, None])[which]
             points.append(loop[which] + (within / pieces[which])[:, None] * edge[which])
             tangents.append(turn * direction)
