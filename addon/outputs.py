@@ -25,9 +25,9 @@ from ..core.report import Report, write_report_job
 from ..core.scans import Scan
 from ..core.texture import write_obj_job
 from ..core.texture.colour_correction import ColourCorrection
+from .background import beside_job, one_step_job
 from .bridge.texture import read_gains, show_layer
 from .bridge.world import read_offset
-from .tools.background import beside_job, one_step_job
 
 
 @dataclass(frozen=True)

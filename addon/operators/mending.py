@@ -23,13 +23,13 @@ from ...core.regions.outline import (
     without_specks,
 )
 from ...core.regions.snap import snapped_mask_loops
+from ..background import beside_job
 from ..bridge import meshes
 from ..bridge import regions as bridge
 from ..bridge.images import read_mask_pixels
 from ..jobs import JobOperator, StepOperator
 from ..properties import FrescoPhoto
 from ..tools import targets
-from ..tools.background import beside_job
 from ..tools.prepared import STORE, read_pixels
 from .regions import has_faces
 

@@ -18,6 +18,7 @@ from ...core.regions import ImageRegion, SurfaceRegion
 from ...core.regions.partners import PairingProposal, propose_pairings_job, propose_partners
 from ...core.regions.transfer import TransferredRegion, transfer_region
 from ...core.settings import PoseSettings
+from ..background import beside_job
 from ..bridge import photos as photo_bridge
 from ..bridge import proposals as bridge
 from ..bridge.images import MaskSource, mask_source
@@ -25,7 +26,6 @@ from ..bridge.regions import SurfaceSource, region_of, surface_source
 from ..jobs import JobOperator
 from ..properties import FrescoPhoto
 from ..settings import to_core
-from ..tools.background import beside_job
 from ..tools.prepared import read_pixels
 from .proposals import worked_photo
 from .regions import has_scan

@@ -19,12 +19,12 @@ from ...core.pose.points.survey import read_survey
 from ...core.project import PhotoPose
 from ...core.project.point_poses import MARKERS, find_markers, match_markers, pose_from_points_job
 from ...core.settings import PointSettings
+from ..background import Preparation, one_step_job
 from ..bridge import photos as photos_bridge
 from ..bridge import points as bridge
 from ..bridge.world import read_offset
 from ..jobs import JobOperator, StepOperator
 from ..settings import to_core
-from ..tools.background import Preparation, one_step_job
 from ..tools.targets import photo_of, shown_photo, to_pixel
 from .regions import has_scan
 

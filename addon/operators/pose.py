@@ -14,12 +14,12 @@ from ...core.photos import Photo
 from ...core.pose import Pose
 from ...core.project import PhotoPose, solve_poses_job
 from ...core.settings import PoseSettings
+from ..background import beside_job, one_step_job
 from ..bridge import photos as bridge
 from ..bridge.regions import SurfaceSource, surface_source
 from ..jobs import JobOperator, StepOperator
 from ..properties import FrescoPhoto
 from ..settings import to_core
-from ..tools.background import beside_job, one_step_job
 from .regions import has_scan
 
 

@@ -16,6 +16,7 @@ from ...core.project import Project, load_project
 from ...core.project.run import charts_job, check_inputs_job, read_scans_job
 from ...core.project.save import Unsaved, save_project_job
 from ...core.project.surfaces import check_partners, region_faces
+from ..background import beside_job, one_step_job
 from ..bridge.points import read_points
 from ..bridge.projects import OpenedProject, previews_job, read_project, show_project
 from ..bridge.regions import KeptScan, keep_scan
@@ -23,7 +24,6 @@ from ..bridge.scans import read_occluders
 from ..bridge.world import read_offset
 from ..jobs import JobOperator
 from ..preferences import preview_size
-from ..tools.background import beside_job, one_step_job
 from .regions import has_scan
 
 Triangles = tuple[FloatArray, IntArray]

@@ -11,6 +11,7 @@ from ...core.regions.outline import polygon_mask
 from ...core.regions.photo_proposals import propose_image_regions_job
 from ...core.regions.surface_proposals import SurfaceProposal, propose_facets_job, propose_openings_job
 from ...core.regions.wand import Level, PhotoWand
+from ..background import beside_job
 from ..bridge import meshes
 from ..bridge import proposals as bridge
 from ..bridge import regions as region_bridge
@@ -18,7 +19,6 @@ from ..bridge.images import MaskSource, mask_source
 from ..jobs import JobOperator, StepOperator
 from ..properties import FrescoPhoto
 from ..tools import targets
-from ..tools.background import beside_job
 from ..tools.prepared import PreparedScan, photo_job, scan_job
 from ..tools.watch import redraw_views
 from .regions import has_faces

@@ -14,12 +14,12 @@ from ...core.arrays import IntArray
 from ...core.jobs import Job, part
 from ...core.scans import READERS, Scan, read_scan_job
 from ...core.settings import ScanSettings
+from ..background import beside_job, one_step_job
 from ..bridge.regions import KeptScan, keep_scan
 from ..bridge.scans import OCCLUDERS, show_scan
 from ..bridge.world import collection
 from ..jobs import JobOperator, StepOperator
 from ..settings import draw_settings, to_core
-from ..tools.background import beside_job, one_step_job
 
 ENDINGS = tuple(sorted(READERS))
 

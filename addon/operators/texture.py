@@ -10,6 +10,7 @@ from ...core.jobs import Job
 from ...core.project.cloud import colour_cloud_job
 from ...core.project.textures import texture_layers_job
 from ...core.settings import TextureSettings
+from ..background import beside_job
 from ..bridge.clouds import show_cloud, show_clouds
 from ..bridge.meshes import is_cloud
 from ..bridge.photos import read_view
@@ -17,7 +18,6 @@ from ..bridge.scans import read_occluders, read_scan
 from ..bridge.texture import layer_names, show_layer, show_layers
 from ..jobs import JobOperator, StepOperator
 from ..settings import to_core
-from ..tools.background import beside_job
 from .regions import has_faces, has_scan
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
 from ...core.jobs import Job, Progress
-from ..tools.background import Preparation
+from ..background import Preparation
 
 Value = TypeVar("Value")
 

@@ -16,12 +16,12 @@ from ...core.project.poses import ambiguity
 from ...core.regions import ImageRegion, SurfaceRegion
 from ...core.regions.feedback import RegionQuality, expected_covariance, pose_advice, region_quality
 from ...core.settings import PoseSettings
+from ..background import Signature
 from ..bridge import photos as bridge
 from ..bridge.images import MaskSource, mask_source
 from ..bridge.regions import SurfaceSource, surface_source
 from ..properties import FrescoPhoto
 from ..settings import to_core
-from .background import Signature
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,8 @@ from typing import Any
 import bpy
 
 from ...core.jobs import Job
+from ..background import beside_job, one_step_job
 from ..jobs import SLICE, StepOperator
-from .background import beside_job, one_step_job
 from .prepared import STORE, LastClick
 
 NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "WHEELINMOUSE", "WHEELOUTMOUSE"}

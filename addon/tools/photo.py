@@ -14,12 +14,12 @@ from ...core.regions.grabcut import grab_cut
 from ...core.regions.outline import brush_mask, combined, polygon_mask
 from ...core.regions.snap import snap_polygon, snapped_mask_loops
 from ...core.regions.wand import Level, PhotoWand, WandClick
+from ..background import beside_job, one_step_job
 from ..bridge.images import read_mask_pixels
 from ..bridge.regions import region_of
 from ..overlays.lines import circle, draw_loops
 from ..properties import FrescoPhoto
 from . import targets
-from .background import beside_job, one_step_job
 from .modal import BrushStroke, MarkingOperator, WandStroke
 from .prepared import STORE, photo_job
 

@@ -18,11 +18,11 @@ from ...core.jobs import Job, Progress, part
 from ...core.regions.cloud_index import index_cloud_job
 from ...core.regions.surface_index import SurfaceIndex, index_surface_job
 from ...core.regions.wand import PhotoWand, prepare_wand_job
+from ..background import Preparation, Signature
 from ..bridge import meshes
 from ..bridge.colours import read_scan_colours
 from ..bridge.world import matrix_to_array
 from ..properties import FrescoPhoto
-from .background import Preparation, Signature
 from .cloud import PreparedCloud
 from .views import ViewGeometry
 

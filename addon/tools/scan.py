@@ -15,13 +15,13 @@ from ...core.errors import RegionError
 from ...core.jobs import Job
 from ...core.regions.outline import combined, polygon_mask
 from ...core.regions.surface_wand import SurfaceClick, SurfaceLevel, grow_surface, region_faces
+from ..background import Preparation, beside_job, one_step_job
 from ..bridge import regions as bridge
 from ..bridge.meshes import element_count
 from ..bridge.regions import region_of
 from ..overlays.lines import circle, draw_loops
 from ..overlays.scan import draw_elements
 from . import targets
-from .background import Preparation, beside_job, one_step_job
 from .modal import BrushStroke, MarkingOperator, WandStroke
 from .photo import PREVIEW
 from .prepared import PreparedScan, face_mask, scan_job

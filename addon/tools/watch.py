@@ -7,10 +7,10 @@ import json
 import bpy
 
 from ...core.errors import FrescoError
+from ..background import Preparation, Signature
 from ..bridge.meshes import is_cloud
 from ..jobs import redraw_panels
 from . import advice, targets
-from .background import Preparation, Signature
 from .prepared import STORE, prepare_photo, prepare_scan
 
 _PERIOD = 0.4  # s between two looks; a change is acted on when it has lasted this long

@@ -7,7 +7,7 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from threading import Event
 from typing import Generic, TypeVar
 
-from ...core.jobs import Job, Progress
+from ..core.jobs import Job, Progress
 
 Result = TypeVar("Result")
 Signature = tuple[object, ...]
