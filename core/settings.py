@@ -131,7 +131,8 @@ class TextureSettings:
     """Find one gain per photo and channel from what the photos see in common."""
 
     gain_anchor: int | None = None
-    """Photo whose colours stay as they are; without one the median of the gains is 1."""
+    """Photo whose colours stay as they are, counted from 0 in the order of the photos; without one, and where
+    that photo takes no part, the median of the gains is 1."""
 
     smoothness: float = 22.0
     """Length, in texels of the finest photos, at which a seam costs as much as one octave of resolution over

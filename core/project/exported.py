@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -71,6 +72,14 @@ def write_cameras(path: Path, reconstruction: Reconstruction, file_format: str) 
     """Write cameras for another program; return the path. Raises CameraError, OutputError."""
     write_reconstruction(path, reconstruction, file_format)
     return path
+
+
+def check_exportable(photos: Sequence[Photo], formats: Sequence[str]) -> None:
+    """Try formats on the cameras, before anything is computed. Raises CameraError where one has no model."""
+    cameras = [PosedCamera(photo.path.name, photo.camera, np.eye(3), np.zeros(3)) for photo in photos]
+    with TemporaryDirectory() as folder:
+        for file_format in formats:
+            write_cameras(cameras_path(Path(folder), "trial", file_format), _some(cameras, []), file_format)
 
 
 def _some(cameras: list[PosedCamera], unposed: list[str]) -> Reconstruction:

@@ -31,7 +31,7 @@ from .refinement import RefineSettings
 from .regions import read_regions
 from .settings import read_settings
 from .simplified import SimplifySettings
-from .table import Table, hint
+from .table import Table, described, hint
 
 VERSION = 1
 """Version of the file format that this code reads (`fresco = 1`)."""
@@ -49,7 +49,11 @@ def load_project(path: Path | str) -> Project:
     root = Table(path, _parse(path))
     version = root.get("fresco")
     if version != VERSION:
-        root.fail("fresco", f"has to be {VERSION}, the version of the file format")
+        other = isinstance(version, int) and version > VERSION
+        advice = (
+            "; a newer Fresco wrote this one" if other else f": write fresco = {VERSION} on the first line"
+        )
+        root.fail("fresco", f"has to be {VERSION}, the version of the file format{advice}")
     pose = root.table("pose")
     photos, cameras = read_photos(root)
     project = Project(
@@ -69,6 +73,7 @@ def load_project(path: Path | str) -> Project:
         charts=_charts(root),
     )
     _check_charts(root, project)
+    _check_anchor(root, project)
     root.finish()
     return project
 
@@ -83,7 +88,9 @@ def _parse(path: Path) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise ProjectError(path, "", f"is not UTF-8 text ({error.reason})") from error
     except tomllib.TOMLDecodeError as error:
-        raise ProjectError(path, "", f"is not TOML: {error}") from error
+        windows = "'\\'" in str(error) or "hex value" in str(error)  # C:\data, or C:\users
+        advice = "; write paths with / instead of \\" if windows else ""
+        raise ProjectError(path, "", f"is not TOML: {error}{advice}") from error
 
 
 def _up(table: Table) -> FloatArray | None:
@@ -179,12 +186,22 @@ def _check_charts(root: Table, project: Project) -> None:
         root.fail("colour_chart", "contradicts untouched = true in [atlas]; leave one of them out")
 
 
+def _check_anchor(root: Table, project: Project) -> None:
+    """Refuse an anchor of the gains that is no photo."""
+    anchor, last = project.texture.gain_anchor, len(project.photos) - 1
+    if anchor is not None and anchor > last:
+        reason = f"is {anchor}, but the photos are numbered from 0 to {last}, in the order of the project"
+        root.fail("texture.gain_anchor", reason)
+
+
 def _optional(table: Table, key: str, kind: type[Any]) -> Any:
     """Settings of a stage that is off unless its key is true or a table."""
     value = table.get(key, False)
     if isinstance(value, dict):
         return _settings(table.table(key), kind)
-    return kind() if table.flag(key, False) else None
+    if not isinstance(value, bool):
+        table.fail(key, f"has to be true, false, or a table of settings, not {described(value)}")
+    return kind() if value else None
 
 
 def _scan(table: Table) -> ScanEntry:

@@ -18,6 +18,7 @@ def read_regions(root: Table) -> RegionEntries:
     labels = [*_label_array(many), *(source for table in single for source in _single_label(table))]
     face_sets = {table.text("name"): table.text("face_set") for table in single if "face_set" in table}
     outlines = {table.text("name"): _outline(table) for table in single if "outline" in table}
+    many.offer(("kept",))
     chosen = many.get("face_sets", not labels and not face_sets and not outlines and "kept" not in many)
     if isinstance(chosen, list):
         face_sets |= {str(name): str(name) for name in chosen}

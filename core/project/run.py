@@ -25,7 +25,7 @@ from .cloud import ColouredCloud, check_cloud, colour_cloud_job, write_coloured_
 from .colour_chart import ChartResult, correction_for, read_chart_job
 from .digest import file_digest
 from .entries import PhotoEntry, Project
-from .exported import cameras_path, solved_cameras, write_cameras
+from .exported import cameras_path, check_exportable, solved_cameras, write_cameras
 from .models import layer_ending, models_job, output_path
 from .photo_pose import PhotoPose
 from .placing import place_cameras
@@ -89,6 +89,8 @@ def run_project_job(project: Project, versions: Mapping[str, str] | None = None)
     """
     clock: dict[str, float] = {}
     _check_texturable(project)
+    photos = [entry.photo for entry in project.photos]
+    _told(project, "output.cameras", check_exportable, photos, project.output.cameras)
     digests = yield from part(_timed(check_inputs_job(project), clock, "check"), 0.0, 0.04)
     charts = yield from part(charts_job(project), 0.04, 0.05)
     scan, occluders = yield from part(_timed(read_scans_job(project), clock, "scan"), 0.05, 0.15)
@@ -305,6 +307,13 @@ def _used(project: Project, poses: list[PhotoPose]) -> list[tuple[PhotoEntry, Ph
     return [(entry, result) for entry, result in pairs if entry.use == "texture" and result.solved]
 
 
+def _anchor(project: Project, used: list[PhotoEntry]) -> int | None:
+    """Place among the photos used of the one that anchors the gains; the project counts all its photos."""
+    number = project.texture.gain_anchor
+    anchored = None if number is None else project.photos[number]
+    return next((place for place, entry in enumerate(used) if entry is anchored), None)
+
+
 def _cloud_job(
     project: Project, scan: Scan, poses: list[PhotoPose], charts: Mapping[str, ChartResult]
 ) -> Job[dict[str, ColouredCloud]]:
@@ -325,11 +334,12 @@ def _texture_job(
 ) -> Job[dict[str, TexturedScan]]:
     """Texture every layer from the photos that have a pose and may be used for it."""
     used = _used(project, poses)
+    settings = replace(project.texture, gain_anchor=_anchor(project, [entry for entry, _ in used]))
     return texture_layers_job(
         scan,
         [view_of(entry.photo, result) for entry, result in used],
         [entry.layer for entry, _ in used],
-        project.texture,
+        settings,
         occluders,
         store,
         [entry.priority for entry, _ in used],

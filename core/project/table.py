@@ -68,7 +68,7 @@ class Table:
         """One of some words."""
         value = self.text(key, default)
         if value not in (known := list(options)):
-            self.fail(key, f"has to be one of {', '.join(known)}, not “{value}”{hint(value, known)}")
+            self.fail(key, f"has to be one of {', '.join(known)}, not “{value}”{meant(value, known)}")
         return value
 
     def words(self, key: str, options: Iterable[str]) -> tuple[str, ...]:
@@ -78,7 +78,7 @@ class Table:
             self.fail(key, f"has to be a list of {', '.join(known)}, not {described(values)}")
         for value in values:
             if value not in known:
-                self.fail(key, f"knows {', '.join(known)}, not {described(value)}{hint(str(value), known)}")
+                self.fail(key, f"knows {', '.join(known)}, not {described(value)}{meant(str(value), known)}")
         return tuple(values)
 
     def number(
@@ -163,7 +163,9 @@ class Table:
         """Refuse keys that nobody knows: a misspelt setting must not be ignored."""
         for key in self.values:
             if key not in self._read:
-                self.fail(key, f"is not known here{hint(key, self._read)}")
+                close = meant(key, self._read)
+                advice = f"{close} If not, take it out" if close else f"{hint(key, self._read)}; take it out"
+                self.fail(key, f"is not known here{advice}")
 
     def _path(self, key: str) -> str:
         return f"{self.key}.{key}".strip(".")
@@ -190,10 +192,13 @@ def described(value: Any) -> str:
     return names.get(type(value), f"“{value}”" if isinstance(value, str) else str(value))
 
 
+def meant(word: str, known: Iterable[str]) -> str:
+    """“; did you mean …?” when a known word is close, else nothing."""
+    close = difflib.get_close_matches(word, sorted(set(known)), n=1, cutoff=0.6)
+    return f"; did you mean “{close[0]}”?" if close else ""
+
+
 def hint(word: str, known: Iterable[str]) -> str:
     """“; did you mean …?” when a known word is close, else what there is."""
     words = sorted(set(known))
-    close = difflib.get_close_matches(word, words, n=1, cutoff=0.6)
-    if close:
-        return f"; did you mean “{close[0]}”?"
-    return f" (there is: {', '.join(words)})" if words else ""
+    return meant(word, words) or (f" (there is: {', '.join(words)})" if words else "")

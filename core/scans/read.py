@@ -36,6 +36,9 @@ READERS: dict[str, Callable[[Path], Job[RawScan]]] = {
 _LARGEST = 1000.0
 """Metres across beyond which the unit of a scan is asked about."""
 
+_SMALLEST = 0.02
+"""Metres across below which the unit that the user told is asked about: less than a coin."""
+
 
 def read_scan_job(path: Path | str, settings: ScanSettings | None = None) -> Job[Scan]:
     """Read and check a scan.
@@ -108,8 +111,10 @@ def _offset(world: FloatArray, settings: ScanSettings) -> FloatArray:
 
 
 def _size_note(vertices: FloatArray, settings: ScanSettings) -> list[str]:
-    """Question about the unit of a scan that is very large in metres, where the user did not tell a unit."""
+    """Question about the unit of a scan that is very large in metres, or very small in the unit told."""
     extent = float(np.ptp(vertices, axis=0).max())
+    if settings.unit < 1.0 and extent < _SMALLEST:
+        return [f"The scan is {1000 * extent:.1f} mm across: is its unit right? Else all lengths are wrong."]
     if settings.unit != 1.0 or extent <= _LARGEST:
         return []
     return [

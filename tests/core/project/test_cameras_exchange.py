@@ -130,6 +130,17 @@ def test_what_cannot_be_meant_is_refused(corner):
         load_project(path)
 
 
+def test_a_lens_that_a_program_cannot_hold_is_refused_before_anything_is_computed(corner):
+    path, _ = corner()
+    edit(path, "focal = 390", "focal = 390\nprincipal = [230.0, 179.5]")
+    edit(path, "[output]", '[output]\ncameras = ["colmap", "bundler"]')
+    with pytest.raises(
+        ProjectError, match=r"output.cameras: A.png: Bundler needs the principal point in the"
+    ):
+        run_project(load_project(path))
+    assert not (path.parent / "out").exists()
+
+
 @pytest.mark.parametrize("file_format", FORMATS)
 def test_a_run_writes_cameras_that_come_back_the_same(corner, file_format):
     path, truth = corner((5_012_300.0, 423_400.0, 0.0))

@@ -172,8 +172,18 @@ def test_camera_from_calibration_file(folder):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("fresco = 1", "fresco = 2"), "fresco: has to be 1, the version"),
-        (("fresco = 1", "fresco = 1\nscann = 2"), "scann: is not known here; did you mean “scan”?"),
+        (
+            ("fresco = 1", "fresco = 2"),
+            "fresco: has to be 1, the version of the file format; a newer Fresco wrote this one",
+        ),
+        (
+            ("fresco = 1", ""),
+            "fresco: has to be 1, the version of the file format: write fresco = 1 on the first line",
+        ),
+        (
+            ("fresco = 1", "fresco = 1\nscann = 2"),
+            "scann: is not known here; did you mean “scan”? If not, take it out",
+        ),
         (('path = "felmérés/déli fal.ply"', "pth = 1"), "scan.path: is missing; give a text"),
         (("déli fal.ply", "északi fal.ply"), "scan.path: there is no file"),
         (('path = "felmérés/déli fal.ply"', "path = 3"), "scan.path: has to be a text, not 3"),
@@ -243,11 +253,27 @@ def test_camera_from_calibration_file(folder):
         (("[output]", "[output]\nname = 'a/b'"), "output.name: “a/b” cannot be part of a file name"),
         (("[output]", "[output]\nblend = 'yes'"), "output.blend: has to be true or false, not “yes”"),
         (("[scan]", "scan]"), ": is not TOML: "),
+        ("[refine]\nedges = { far = 2 }\n", "refine.edges.far: is not known here (there is: centre_sigma, "),
+        ("[texture]\ngain_anchor = 3\n", "texture.gain_anchor: is 3, but the photos are numbered from 0 to "),
     ],
 )
 def test_wrong_entries_are_told_in_one_line(folder, change, message):
     assert complaint(folder, change).startswith(message)
     assert not (folder / "eredmény mappa").exists()
+
+
+@pytest.mark.parametrize("path", [r"C:\data\wall.ply", r"C:\users\wall.ply"])
+def test_a_path_with_backslashes_is_told_to_be_written_with_slashes(folder, path):
+    assert complaint(folder, ("felmérés/déli fal.ply", path)).endswith("; write paths with / instead of \\")
+
+
+def test_words_are_listed_once(folder):
+    text = complaint(folder, ("[scan]", "[scan]\nup = 'sideways'"))
+    assert text.endswith("up: has to be one of auto, y, z, not “sideways”")
+
+
+def test_a_misspelt_key_of_the_regions_is_told_all_there_are(folder):
+    assert "kept" in complaint(folder, ("[regions]", "[regions]\nzzz = 1"))
 
 
 def test_photo_of_another_size_than_its_calibration(folder):

@@ -38,7 +38,9 @@ def test_entries_switch_steps_on_and_set_them(corner):
     with pytest.raises(ProjectError, match=r"refine.joint.min_knots: is not known here.*min_ties"):
         load_project(path)
     edit(path, "{ min_knots = 12 }", '"all"')
-    with pytest.raises(ProjectError, match=r"refine.joint: has to be true or false, not “all”"):
+    with pytest.raises(
+        ProjectError, match=r"refine.joint: has to be true, false, or a table of settings, not “all”"
+    ):
         load_project(path)
 
 

@@ -80,6 +80,20 @@ def test_provenance_tells_inputs_settings_and_every_photo(corner):
     assert record["texture"]["coverage"] == pytest.approx(result.textured.coverage)
 
 
+def test_the_anchor_of_the_gains_is_counted_among_all_photos(corner):
+    path, _ = corner()
+    edit(
+        path,
+        "[output]",
+        '[[photo]]\npath = "photos/A.png"\nuse = "pose"\n[texture]\ngain_anchor = 2\n[output]',
+    )
+    cv2.imwrite(str(dim := path.parent / "photos" / "C.png"), cv2.imread(str(dim)) // 2)
+    textured = run(path).textured
+    assert [view.name for view in textured.views] == ["B", "C"]
+    np.testing.assert_allclose(textured.selection.gain[1], 1.0)
+    assert textured.selection.gain[0].max() < 0.8
+
+
 def test_the_photo_of_every_face_is_written(corner):
     path, _ = corner()
     result = run(path)

@@ -189,6 +189,8 @@ def test_a_scan_in_millimetres_is_asked_about(tmp_path):
     assert not [line for line in read_scan(path, ScanSettings(unit=0.001)).report if "unit" in line]
     small = write_ply(tmp_path / "small.ply", vertices, faces)
     assert not read_scan(small).report
+    told = read_scan(small, ScanSettings(unit=0.001)).report[-1]
+    assert told.startswith("The scan is 2.5 mm across: is its unit right?")
 
 
 def test_unit_up_and_offset_settings(tmp_path):
