@@ -22,6 +22,7 @@ from .texture import LAYERS_KEY, NUMBERS_KEY, PHOTOS_KEY, attribute_name, layer_
 COLOURS = "Fresco photo colour"
 """Colour attribute of the points; a layer's name follows."""
 _UNSEEN = 70
+"""Grey (sRGB byte) of points that no photo sees, in a scan without colours of its own."""
 
 
 def colours_name(layer: str) -> str:

@@ -26,6 +26,8 @@ _PER_RING = 0.5
 """Blur (sigma) of what fades over a number of rings, in widths of these: half a wavelength or less fades."""
 _FINEST = 2.0
 """Smallest blur, in texels, that makes a band of its own."""
+_SCALES = 1 / 128, 1 / 2
+"""Factors between which a photo is reduced for a band: to a handful of pixels at least, to half at most."""
 _REDUCED = 0.7
 """A photo whose pixels are this much smaller than the texels is reduced to these before it is sampled."""
 
@@ -65,15 +67,16 @@ def mix_bands(
     The lowest band fades over `rings` rings of faces on either side of a seam; 0 blends nothing.
     """
     usual = float(np.nanmedian(selection.texel_size)) if (selection.view >= 0).any() else 1.0
-    widths = _band_rings(rings, _edge_length(points, faces) / usual)
+    ring = _edge_length(points, faces)
+    widths = _band_rings(rings, ring / usual)
     blend = blend_shares(points, faces, selection.view, views, widths)
     factor = levels.at(blend.view[:, None], faces[blend.face]) if levels is not None else None
-    blur = [_PER_RING * number * _edge_length(points, faces) / usual for number in widths[1:]]
-    scale = np.array([_scales(selection, len(views), sigma * usual) for sigma in blur])
-    return BandMix(blend.face, blend.view, blend.share, factor, scale.reshape(len(blur), len(views)))
+    scale = np.array([_scales(selection, len(views), _PER_RING * number * ring) for number in widths[1:]])
+    return BandMix(blend.face, blend.view, blend.share, factor, scale.reshape(len(widths) - 1, len(views)))
 
 
 def _edge_length(points: FloatArray, faces: IntArray) -> float:
+    """Median length (m) of the mesh's edges, 0 without any: a ring of faces is about as wide."""
     ends = points[edge_pairs(faces, len(points)).vertex]
     return float(np.median(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1))) if len(ends) else 0.0
 
@@ -92,7 +95,7 @@ def _scales(selection: Selection, view_count: int, blur: float) -> FloatArray:
     scales = np.ones(view_count)
     for number in np.unique(selection.view[selection.view >= 0]):
         own = float(np.median(selection.texel_size[selection.view == number]))
-        scales[number] = np.clip(own / blur, 1 / 128, 1 / 2)
+        scales[number] = np.clip(own / blur, *_SCALES)
     return scales
 
 

@@ -25,6 +25,7 @@ _LEAST = 0.07
 """Difference (of sRGB 1) that is never called foreign: lighting, glossy paint."""
 _TIMES_USUAL = 5.0
 _ROWS = 50_000
+"""Faces whose medians one thread finds at once."""
 
 
 @dataclass(frozen=True, eq=False)

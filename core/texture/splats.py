@@ -17,7 +17,9 @@ from ..arrays import ArrayLike, BoolArray, Float32Array, FloatArray, IndexArray
 from ..jobs import Job, Progress, drain
 
 _NEIGHBOURS = 12
+"""Nearest points that bound a splat and tell its bend."""
 _SECTORS = 16
+"""Directions on the tangent plane in which a splat's extent is kept."""
 _WIDENED = 1.55
 """Cells are widened by this factor: neighbouring tangent planes do not meet exactly, nor do sectors."""
 _RIM = 0.45
@@ -25,6 +27,7 @@ _RIM = 0.45
 _LARGEST = 2.6
 """Largest extent of a splat in distances to the third neighbour."""
 _PORTION = 20_000
+"""Points per step of the job."""
 
 _ANGLE = 2 * np.pi * np.arange(_SECTORS) / _SECTORS
 _DIRECTION: Float32Array = np.stack([np.cos(_ANGLE), np.sin(_ANGLE)], axis=1).astype(np.float32)
