@@ -16,6 +16,7 @@ import numpy as np
 from ..arrays import ArrayLike, BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from ..cameras.base import Camera
 from ..errors import TextureError
+from ..geometry.meshes import vertex_normals
 from ..geometry.rays import RayCaster
 from ..geometry.rigid import camera_centre
 from ..jobs import Job, Progress, drain, part
@@ -180,19 +181,6 @@ def shade_faces(hits: PixelHits, vertices: ArrayLike, faces: ArrayLike, colours:
     light = clay[seen][:, :1] / _CLAY[0]
     clay[seen] = np.clip(np.rint(colours[hits.face[seen]] * light), 0, 255)
     return clay
-
-
-def vertex_normals(vertices: ArrayLike, faces: ArrayLike) -> FloatArray:
-    """Area-weighted unit normals of the vertices: (V,3) m, (F,3) -> (V,3); zero where no face has an area."""
-    points, triangles = np.asarray(vertices, dtype=np.float64), np.asarray(faces, dtype=np.int64)
-    a, b, c = (points[triangles[:, corner]] for corner in range(3))
-    of_face = np.cross(b - a, c - a)
-    normals = np.zeros_like(points)
-    for axis in range(3):
-        weight = np.repeat(of_face[:, axis], 3)
-        normals[:, axis] = np.bincount(triangles.ravel(), weight, minlength=len(points))
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    return normals
 
 
 def sample_bilinear(image: ByteArray, pixels: ArrayLike) -> FloatArray:

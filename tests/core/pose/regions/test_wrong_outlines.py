@@ -113,7 +113,7 @@ scraps_drawn = st.tuples(kinds, corners, st.integers(1, 12))
 
 @settings(max_examples=25, deadline=None)
 @given(
-    st.lists(st.tuples(kinds, corners, st.integers(1, 12)), min_size=1, max_size=2),
+    st.lists(scraps_drawn, min_size=1, max_size=2),
     st.booleans(),
     st.booleans(),
 )
