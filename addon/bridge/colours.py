@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 
 from ...core.arrays import AnyArray, ByteArray, Float32Array, FloatArray
+from ...core.geometry.meshes import barycentric
 from ...core.project import TexturedScan
 from ...core.scans import Scan
 from .maps import write_vertex_colours
@@ -55,7 +56,7 @@ def carry_over(mesh: bpy.types.Mesh, scan: Scan, textured: TexturedScan) -> None
     count = len(scan.vertices)
     cut = np.flatnonzero((textured.faces >= count).any(axis=1))
     corner, before = textured.faces[cut], scan.faces[textured.parent[cut]]
-    shares = _barycentric(textured.vertices[corner], scan.vertices[before])
+    shares = barycentric(textured.vertices[corner], scan.vertices[before][:, None])
 
     def blended(values: AnyArray) -> FloatArray:
         known = values.reshape(count, -1).astype(np.float64)
@@ -69,15 +70,3 @@ def carry_over(mesh: bpy.types.Mesh, scan: Scan, textured: TexturedScan) -> None
         None if colours is None else np.rint(blended(colours)).astype(np.uint8),
         None if intensity is None else blended(intensity)[:, 0].astype(np.float32),
     )
-
-
-def _barycentric(points: FloatArray, triangles: FloatArray) -> FloatArray:
-    """Barycentric coordinates (F,3,3) of the corners (F,3,3) of faces in triangles (F,3,3) that hold them."""
-    a, b = (triangles[:, None, k] - triangles[:, None, 0] for k in (1, 2))
-    p = points - triangles[:, None, 0]
-    aa, ab, bb = (a * a).sum(-1), (a * b).sum(-1), (b * b).sum(-1)
-    pa, pb = (p * a).sum(-1), (p * b).sum(-1)
-    inverse = 1.0 / np.maximum(aa * bb - ab * ab, 1e-30)
-    v, w = (bb * pa - ab * pb) * inverse, (aa * pb - ab * pa) * inverse
-    shares: FloatArray = np.clip(np.stack([1 - v - w, v, w], axis=-1), 0.0, 1.0)
-    return shares

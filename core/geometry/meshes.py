@@ -33,6 +33,18 @@ def vertex_normals(vertices: ArrayLike, faces: ArrayLike) -> FloatArray:
     return out
 
 
+def barycentric(points: FloatArray, triangles: FloatArray) -> FloatArray:
+    """Weights (...,3) of the corners of triangles (...,3,3) at points (...,3) on them, rounding clipped."""
+    a, b = (triangles[..., corner, :] - triangles[..., 0, :] for corner in (1, 2))
+    p = points - triangles[..., 0, :]
+    aa, ab, bb = (a * a).sum(-1), (a * b).sum(-1), (b * b).sum(-1)
+    pa, pb = (p * a).sum(-1), (p * b).sum(-1)
+    inverse = 1.0 / np.maximum(aa * bb - ab * ab, 1e-30)
+    v, w = (bb * pa - ab * pb) * inverse, (aa * pb - ab * pa) * inverse
+    weights: FloatArray = np.clip(np.stack([1 - v - w, v, w], axis=-1), 0.0, 1.0)
+    return weights
+
+
 @dataclass(frozen=True, eq=False)
 class EdgePairs:
     """Pairs of faces that share an edge: `face` (E,2) and the edge's two vertices, `vertex` (E,2).

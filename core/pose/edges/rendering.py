@@ -8,7 +8,7 @@ import numpy as np
 
 from ...arrays import AnyArray, ArrayLike, BoolArray, FloatArray, IndexArray
 from ...cameras.base import Camera
-from ...geometry.meshes import face_normals, vertex_normals
+from ...geometry.meshes import barycentric, face_normals, vertex_normals
 from ...geometry.rays import RayCaster
 from ..points.smoothing import averaged_normals
 
@@ -130,15 +130,3 @@ def _cast(
         if scan.colors is not None:
             colors[struck] = np.einsum("nc,nck->nk", share, scan.colors[corners])
     return (hits.face >= 0).astype(np.float64), distance, normals, colors
-
-
-def barycentric(points: FloatArray, triangles: FloatArray) -> FloatArray:
-    """Barycentric coordinates (N,3) of points (N,3) in triangles (N,3,3)."""
-    a, b = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
-    p = points - triangles[:, 0]
-    aa, ab, bb = (a * a).sum(1), (a * b).sum(1), (b * b).sum(1)
-    pa, pb = (p * a).sum(1), (p * b).sum(1)
-    inverse = 1.0 / np.maximum(aa * bb - ab * ab, 1e-30)
-    v, w = (bb * pa - ab * pb) * inverse, (aa * pb - ab * pa) * inverse
-    shares: FloatArray = np.clip(np.stack([1 - v - w, v, w], axis=1), 0.0, 1.0)
-    return shares

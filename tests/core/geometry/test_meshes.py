@@ -1,7 +1,14 @@
 from __future__ import annotations
 
 import numpy as np
-from fresco.core.geometry.meshes import edge_pairs, face_blocks, face_normals, morton_order, vertex_normals
+from fresco.core.geometry.meshes import (
+    barycentric,
+    edge_pairs,
+    face_blocks,
+    face_normals,
+    morton_order,
+    vertex_normals,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -18,6 +25,14 @@ def test_vertex_normals_weigh_faces_by_area():
     normal = vertex_normals(vertices, [[0, 1, 2], [0, 2, 3]])
     np.testing.assert_allclose(normal[0], np.array([2, 0, 1]) / np.sqrt(5), atol=1e-12)
     np.testing.assert_allclose(normal[1], [0, 0, 1])
+
+
+def test_weights_of_corners_give_the_points_back():
+    rng = np.random.default_rng(0)
+    triangles, weights = rng.normal(size=(20, 3, 3)), rng.dirichlet(np.ones(3), (20, 5))
+    points = weights @ triangles
+    np.testing.assert_allclose(barycentric(points, triangles[:, None]), weights, atol=1e-9)
+    np.testing.assert_allclose(barycentric(points[:, 0], triangles), weights[:, 0], atol=1e-9)
 
 
 def test_edge_pairs_find_every_shared_edge_once():
