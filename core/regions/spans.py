@@ -17,6 +17,8 @@ from ..arrays import BoolArray, FloatArray, IndexArray
 from .lines import LineSet, joined
 
 _STRIPS = 160  # strips that are closed
+_WIDE = 0.3  # how much a strip's width (log) counts beside what covers its sides (logs)
+_OFF = 0.15  # standard deviations that a click is usually off the middle of its region
 _ENDS = 10  # ends of a strip on either side that are combined
 TURN = np.sin(np.radians(15))  # smallest turn at a corner
 SHORTEST_SIDE = 8.0  # pixels that a side has at least
@@ -90,12 +92,12 @@ def _strips(lines: LineSet, chosen: IndexArray, point: FloatArray) -> tuple[Inde
     outward, apart = lines.normal[chosen] * np.sign(away)[:, None], np.abs(away)
     i, j = np.nonzero(np.triu(outward @ outward.T < _FACING))
     gap = apart[i] + apart[j]
-    rank = 0.3 * np.log(gap)
+    rank = _WIDE * np.log(gap)
     foot = np.sum(lines.direction[chosen] * point, axis=1)
     for side in (i, j):
         ends = [lines.covered_until(chosen[side], foot[side] + way * _WINDOW * gap) for way in (-1, 1)]
         rank += np.log(np.maximum((ends[1] - ends[0]) / (2 * _WINDOW * gap), _BARE))
-    rank += off_centre(np.abs(apart[i] - apart[j]) / gap * np.sqrt(3))
+    rank += off_centre(np.abs(apart[i] - apart[j]) / gap * np.sqrt(3))  # a strip's own is gap / sqrt(12)
     rank[gap < SHORTEST_SIDE] = -np.inf
     best = np.argsort(-rank, kind="stable")[:_STRIPS]
     return chosen[i[best]], chosen[j[best]]
@@ -104,9 +106,9 @@ def _strips(lines: LineSet, chosen: IndexArray, point: FloatArray) -> tuple[Inde
 def off_centre(apart: FloatArray) -> FloatArray:
     """Log prior (n,) that a user clicks so many of a region's standard deviations off its middle.
 
-    0.15 is usual, and beyond twice that the odds fall no faster (Huber).
+    Beyond twice the usual the odds fall no faster (Huber).
     """
-    share = apart / 0.15
+    share = apart / _OFF
     prior: FloatArray = -0.15 * np.where(share < 2, share**2, 4 * share - 4)
     return prior
 

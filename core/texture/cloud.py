@@ -21,6 +21,8 @@ _WIDEST_SPLAT = 4
 """Half-width in cells up to which a splat is drawn; nearer ones would cover more of the picture."""
 _STEEPEST = 0.05
 """Splats seen at a smaller cosine hide nothing: they are thin lines in the picture."""
+_SLACK = 0.75
+"""Cells by which a ray may pass a point: half a cell, and some more."""
 _DEPTH = 0.8
 """Depth behind a splat, in distances to the third neighbour, that still counts as the same surface."""
 
@@ -136,7 +138,7 @@ class _Scene:
         # A cell's ray passes the point at up to half a cell; on a slope its depth differs by as much.
         slope = self.distance * (cell / _pixels_per_radian(view.camera)) * np.sqrt(1 - cosine**2) / cosine
         behind = self.distance - buffer[row * columns + column]
-        before: BoolArray = behind <= _DEPTH * self.splats.spacing + 0.75 * slope
+        before: BoolArray = behind <= _DEPTH * self.splats.spacing + _SLACK * slope
         return before
 
     def _draw(self, buffer: FloatArray, cell: IndexArray, rays: FloatArray, point: IndexArray) -> None:

@@ -38,8 +38,17 @@ APART = 4.0
 PLACES = 8
 """Most different poses that are followed up."""
 
+CLOSE = 300
+"""Poses tried around one that is followed up, at each spread."""
+
+SOFT = 1.5
+"""Width (px) by which peaks are widened while samples lie far apart, so that none falls between them."""
+
 SHRINKING = (0.4, 0.2, 0.1, 0.05, 0.025)
-"""Spread of the samples around a pose that is followed up, as a share of the start's."""
+"""Spread of the samples around a pose that is followed up, as a share of the start's.
+
+The first two look at widened peaks.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +112,7 @@ def _square_root(covariance: FloatArray) -> FloatArray:
 def _places(maps: PatchMaps, spread: FloatArray, rng: np.random.Generator) -> list[FloatArray]:
     """Steps that fit best among samples, each different from the ones before."""
     steps = np.vstack([np.zeros(6), WIDER * rng.normal(size=(SAMPLES, 6)) @ spread.T])
-    steps = steps[np.argsort(-maps.smoothed(1.5).fit(steps), kind="stable")]
+    steps = steps[np.argsort(-maps.smoothed(SOFT).fit(steps), kind="stable")]
     places: list[FloatArray] = []
     while len(steps) and len(places) < PLACES:
         places.append(steps[0])
@@ -113,8 +122,8 @@ def _places(maps: PatchMaps, spread: FloatArray, rng: np.random.Generator) -> li
 
 def _followed(maps: PatchMaps, step: FloatArray, spread: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Best step (6,) near another: samples around the best one so far, ever closer."""
-    rough = maps.smoothed(1.5)
+    rough = maps.smoothed(SOFT)
     for number, share in enumerate(SHRINKING):
-        near = np.vstack([step, step + share * rng.normal(size=(300, 6)) @ spread.T])
+        near = np.vstack([step, step + share * rng.normal(size=(CLOSE, 6)) @ spread.T])
         step = near[np.argmax((rough if number < 2 else maps).fit(near))]
     return step
