@@ -59,6 +59,8 @@ def _import(options: argparse.Namespace) -> None:
         with replacing(trial) as file:
             file.write(text.encode())
         project = load_project(trial)
+    except ProjectError as error:
+        raise ProjectError(path, error.key, error.reason) from error
     finally:
         trial.unlink(missing_ok=True)
     with replacing(path) as file:

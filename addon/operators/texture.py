@@ -8,7 +8,7 @@ import bpy
 
 from ...core.jobs import Job
 from ...core.project.cloud import colour_cloud_job
-from ...core.project.textures import texture_layers_job
+from ...core.project.textures import settings_among, texture_layers_job
 from ...core.settings import TextureSettings
 from ..background import beside_job
 from ..bridge.clouds import show_cloud, show_clouds
@@ -47,7 +47,9 @@ class FRESCO_OT_texture_scan(JobOperator):
         scan = read_scan(scene)
         views = [read_view(scene, photo) for photo in photos]
         layers, priorities = [p.layer.strip() for p in photos], [p.priority for p in photos]
-        settings = to_core(scene.fresco.texture, TextureSettings)
+        names = [photo.name for photo in scene.fresco.photos]
+        numbers = [names.index(photo.name) for photo in photos]
+        settings = settings_among(to_core(scene.fresco.texture, TextureSettings), numbers)
         if scan.is_cloud:
             return beside_job(colour_cloud_job(scan, views, layers, settings))
         occluders = read_occluders(scene)

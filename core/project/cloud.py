@@ -20,6 +20,7 @@ from ..texture.colours import Colours, PointSelection, select_views_for_points_j
 from .delivery import corrected_colours
 from .entries import Project
 from .refinement import RefineSettings
+from .textures import settings_among
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +67,9 @@ def colour_cloud_job(
     names = list(dict.fromkeys(layers))
     found = {}
     for number, name in enumerate(names):
-        chosen = [view for view, layer in zip(views, layers, strict=True) if layer == name]
-        job = select_views_for_points_job(scan.vertices, None, chosen, settings, "hull")
+        numbers = [k for k, layer in enumerate(layers) if layer == name]
+        chosen, own = [views[k] for k in numbers], settings_among(settings, numbers)
+        job = select_views_for_points_job(scan.vertices, None, chosen, own, "hull")
         start, end = number / len(names), (number + 1) / len(names)
         selection: PointSelection = yield from part(job, start, end, f"{name}: " if name else "")
         found[name] = ColouredCloud(scan.vertices, selection, tuple(chosen))

@@ -20,7 +20,7 @@ from ..pose.pose import Pose
 from ..regions.surface_region import SurfaceRegion
 from ..scans.read import read_scan_job
 from ..scans.scan import Scan
-from ..settings import ScanSettings
+from ..settings import ScanSettings, TextureSettings
 from .cloud import ColouredCloud, check_cloud, colour_cloud_job, write_coloured_cloud
 from .colour_chart import ChartResult, correction_for, read_chart_job
 from .digest import file_digest
@@ -37,7 +37,7 @@ from .simplified import SimplifiedModel
 from .store import Store
 from .surfaces import check_partners, opening_regions, region_faces, surface_regions
 from .telephoto import pose_telephoto_job
-from .textures import TexturedScan, texture_layers_job
+from .textures import TexturedScan, settings_among, texture_layers_job
 
 Result = TypeVar("Result")
 
@@ -307,11 +307,10 @@ def _used(project: Project, poses: list[PhotoPose]) -> list[tuple[PhotoEntry, Ph
     return [(entry, result) for entry, result in pairs if entry.use == "texture" and result.solved]
 
 
-def _anchor(project: Project, used: list[PhotoEntry]) -> int | None:
-    """Place among the photos used of the one that anchors the gains; the project counts all its photos."""
-    number = project.texture.gain_anchor
-    anchored = None if number is None else project.photos[number]
-    return next((place for place, entry in enumerate(used) if entry is anchored), None)
+def _texture_settings(project: Project, used: list[tuple[PhotoEntry, PhotoPose]]) -> TextureSettings:
+    """The project's settings, which count all its photos, for those that are used."""
+    names = [entry.photo.name for entry in project.photos]
+    return settings_among(project.texture, [names.index(entry.photo.name) for entry, _ in used])
 
 
 def _cloud_job(
@@ -320,7 +319,8 @@ def _cloud_job(
     """Colour the points of a cloud from every layer, and write them."""
     used = _used(project, poses)
     views = [view_of(entry.photo, result) for entry, result in used]
-    clouds = yield from colour_cloud_job(scan, views, [entry.layer for entry, _ in used], project.texture)
+    settings, layers = _texture_settings(project, used), [entry.layer for entry, _ in used]
+    clouds = yield from colour_cloud_job(scan, views, layers, settings)
     entries = {entry.layer: entry for entry in project.charts}
     for name, cloud in clouds.items():
         path = output_path(project, layer_ending(name, "_colours.ply"))
@@ -334,12 +334,11 @@ def _texture_job(
 ) -> Job[dict[str, TexturedScan]]:
     """Texture every layer from the photos that have a pose and may be used for it."""
     used = _used(project, poses)
-    settings = replace(project.texture, gain_anchor=_anchor(project, [entry for entry, _ in used]))
     return texture_layers_job(
         scan,
         [view_of(entry.photo, result) for entry, result in used],
         [entry.layer for entry, _ in used],
-        settings,
+        _texture_settings(project, used),
         occluders,
         store,
         [entry.priority for entry, _ in used],

@@ -107,7 +107,7 @@ def texture_layers_job(
     for number, name in enumerate(missing):
         chosen = wanted[name]
         kept = _kept(store, mesh_key, [keys.views[k] for k in chosen])
-        of_layer, own = [views[k] for k in chosen], _layer_settings(settings, chosen)
+        of_layer, own = [views[k] for k in chosen], settings_among(settings, chosen)
         priority = [weights[k] for k in chosen]
         job = select_views_job(mesh.vertices, mesh.faces, of_layer, own, hiding, priority, kept)
         start, end = (0.2 + 0.75 * n / len(missing) for n in (number, number + 1))
@@ -138,11 +138,11 @@ def _finished(
     }
 
 
-def _layer_settings(settings: TextureSettings, chosen: IndexArray) -> TextureSettings:
-    """The anchored photo is numbered among all photos; a layer without it has none."""
+def settings_among(settings: TextureSettings, chosen: Sequence[int] | IndexArray) -> TextureSettings:
+    """Settings for photos `chosen` by number: the anchor is counted among them, None without it."""
     if settings.gain_anchor is None:
         return settings
-    place = np.flatnonzero(chosen == settings.gain_anchor)
+    place = np.flatnonzero(np.asarray(chosen) == settings.gain_anchor)
     return dataclasses.replace(settings, gain_anchor=int(place[0]) if len(place) else None)
 
 

@@ -206,7 +206,7 @@ def test_cameras_go_into_a_project_and_out_of_it(extension, project, tmp_path, f
     assert "3 cameras written" in done.stdout and (tmp_path / "sparse" / "images.txt").exists()
     before = path.read_text(encoding="utf-8")
     done = fresco("cameras", "import", path, tmp_path / "nothing", block_bpy=True)
-    assert done.returncode == 2 and "there is no file or folder" in done.stderr
+    assert done.returncode == 2 and f"{path}: cameras.import: there is no file or folder" in done.stderr
     assert path.read_text(encoding="utf-8") == before
     done = fresco("cameras", "import", path, tmp_path / "sparse", block_bpy=True)
     assert done.returncode == 0, done.stderr

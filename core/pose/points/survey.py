@@ -102,7 +102,7 @@ def _row(
 ) -> tuple[str, list[float]]:
     if len(cells) <= max(order.values()):
         raise ScanError(
-            f"{path}: line {number}: a name and three coordinates are needed, not {len(cells)} cells."
+            f"{path}: line {number}: a name and three coordinates are needed, not “{' '.join(cells)}”."
         )
     point = []
     for axis in "xyz":

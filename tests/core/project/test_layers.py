@@ -11,7 +11,15 @@ from fresco.core.errors import ProjectError
 from fresco.core.photos import read_image
 from fresco.core.project.load import load_project
 from fresco.core.project.run import run_project
+from fresco.core.project.textures import settings_among
+from fresco.core.settings import TextureSettings
 from fresco.core.texture import survey
+
+
+@pytest.mark.parametrize(("chosen", "anchor"), [([0, 1, 2], 2), ([2, 3], 0), ([0, 3], None), ([], None)])
+def test_the_anchor_of_the_gains_is_found_among_the_photos_of_a_layer(chosen, anchor):
+    assert settings_among(TextureSettings(gain_anchor=2), chosen).gain_anchor == anchor
+    assert settings_among(TextureSettings(), chosen) == TextureSettings()
 
 
 def with_infrared(path, truth):

@@ -28,7 +28,7 @@ def test_delimiters_headers_and_decimal_signs(tmp_path, text):
     ("text", "sentence"),
     [
         ("", "empty"),
-        ("P1,1,2\n", "line 1: a name and three"),
+        ("P1;1;2\n", "line 1: a name and three coordinates are needed, not “P1;1;2”"),
         ("P1,1,2,3\nP2,1,here,3\n", "line 2: “here” is no number for y"),
         ("P1,1,2,3\nP1,1,2,4\n", "line 2: the point “P1” is there twice"),
         ("name,x,y,z\n", "no points"),
