@@ -74,7 +74,7 @@ class Preparation(Generic[Result]):
         return self._future.result()
 
 
-def one_step_job(work: Callable[[], Result], message: str = "Finishing the outline") -> Job[Result]:
+def one_step_job(work: Callable[[], Result], message: str) -> Job[Result]:
     """Job of a function that cannot be cut."""
     yield Progress(0.5, message)
     return work()

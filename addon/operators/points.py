@@ -137,7 +137,10 @@ class FRESCO_OT_pick_in_photo(PickOperator):
         editors = [area.spaces.active for area in context.screen.areas if area.type == self.area_type]
         shown = [photo_of(context.scene, editor.image) for editor in editors]
         paths = {photo.path for photo in shown if photo is not None}
-        self._read = {path: Preparation((), one_step_job(partial(read_image, Path(path)))) for path in paths}
+        self._read = {
+            path: Preparation((), one_step_job(partial(read_image, Path(path)), "Reading the photo"))
+            for path in paths
+        }
         return super().invoke(context, event)
 
     def pick(self, context: bpy.types.Context, x: float, y: float) -> bool:

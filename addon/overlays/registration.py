@@ -20,6 +20,7 @@ def forget() -> None:
     scan.SHAPES.clear()
     cloud.CLOUDS.clear()
     residuals.RESIDUALS.clear()
+    residuals.TIES.clear()
 
 
 @bpy.app.handlers.persistent

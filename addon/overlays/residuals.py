@@ -64,7 +64,7 @@ def edges_of(photo: FrescoPhoto | None) -> PhotoEdges | None:
     return found if found is not None and found.shown_for == photo.pose_json else None
 
 
-_TIES: dict[str, tuple[str, TieResiduals | None]] = {}
+TIES: dict[str, tuple[str, TieResiduals | None]] = {}
 """By the photo's name: what it kept when they were read, and its ties."""
 
 
@@ -73,9 +73,9 @@ def ties_of(scene: bpy.types.Scene, photo: FrescoPhoto | None) -> TieResiduals |
     if photo is None or not photo.is_refined:
         return None
     kept = photo.solution_json + photo.pose_json
-    known = _TIES.get(photo.name)
+    known = TIES.get(photo.name)
     if known is None or known[0] != kept:
-        known = _TIES[photo.name] = kept, tie_residuals(bridge.read_solution(scene, photo).refinements)
+        known = TIES[photo.name] = kept, tie_residuals(bridge.read_solution(scene, photo).refinements)
     return known[1]
 
 

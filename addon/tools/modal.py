@@ -110,7 +110,7 @@ class MarkingOperator(StepOperator):
             context.workspace.status_text_set(f"{self.hint}   {KEYS}")
         if self.handle(context, event):
             self._finishing = True
-            self._job = beside_job(one_step_job(self.work(context)))
+            self._job = beside_job(one_step_job(self.work(context), "Finishing the outline"))
         self._area.tag_redraw()
         return False
 

@@ -71,7 +71,7 @@ class FRESCO_OT_photo_wand(PhotoStroke, WandStroke, bpy.types.Operator):
 
     def _click_job(self, photo: FrescoPhoto, pixel: FloatArray, kind: str) -> Job[WandClick]:
         self.wand = wand = yield from photo_job(photo)
-        return (yield from beside_job(one_step_job(lambda: wand.click(pixel, kind))))
+        return (yield from beside_job(one_step_job(lambda: wand.click(pixel, kind), "Finding the region")))
 
     def draw_stroke(self) -> None:
         outline = self.found.level(self.steps).outline

@@ -80,7 +80,9 @@ class FRESCO_OT_scan_wand(ScanStroke, WandStroke, bpy.types.Operator):
 
     def _click_job(self, scan: bpy.types.Object, ray: tuple[FloatArray, FloatArray]) -> Job[GrownSurface]:
         self.scan = prepared = yield from scan_job(scan)
-        return (yield from beside_job(one_step_job(lambda: clicked_surface(prepared, ray))))
+        return (
+            yield from beside_job(one_step_job(lambda: clicked_surface(prepared, ray), "Finding the region"))
+        )
 
     def begin(self, context: bpy.types.Context, prepared: GrownSurface) -> None:
         WandStroke.begin(self, context, prepared.found)
@@ -94,7 +96,7 @@ class FRESCO_OT_scan_wand(ScanStroke, WandStroke, bpy.types.Operator):
         if self._choosing is not None and self._choosing.done:
             self.shown, self._choosing = self._choosing.result(), None
         if self._choosing is None and self.shown.level is not level:
-            job = one_step_job(partial(grown_surface, self.scan, self.found, level))
+            job = one_step_job(partial(grown_surface, self.scan, self.found, level), "Finding the region")
             self._choosing = Preparation((), job)
         return released and self._choosing is None
 
