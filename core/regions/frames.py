@@ -37,7 +37,7 @@ class Frames:
 
 
 @dataclass(frozen=True, eq=False)
-class _View:
+class _SeenLines:
     """Lines (n,) seen from a point: the `angle` they cover, how far `apart` they are, in which `sector`."""
 
     angle: FloatArray
@@ -64,9 +64,9 @@ def find_frames(
 ) -> Frames:
     """Frames around a click (u, v), at most `keep`: well covered, and the click well inside."""
     point = np.asarray(click, dtype=np.float64) - lines.centre
-    view = _seen_from(lines, point)
-    corners, support = find_quadrangles(lines, view.widest(line_limit), point, least_support)
-    triangles, sides = _triangles(lines, view, point, least_support)
+    seen = _seen_from(lines, point)
+    corners, support = find_quadrangles(lines, seen.widest(line_limit), point, least_support)
+    triangles, sides = _triangles(lines, seen, point, least_support)
     corners, support = np.concatenate([corners, triangles]), np.concatenate([support, sides])
     covered = np.log(support).mean(axis=1) + support.min(axis=1)
     best = np.argsort(-covered, kind="stable")[:_CONSIDERED]
@@ -87,7 +87,7 @@ def _unlike(corners: FloatArray, rank: FloatArray) -> IndexArray:
     return unlike
 
 
-def _seen_from(lines: LineSet, point: FloatArray) -> _View:
+def _seen_from(lines: LineSet, point: FloatArray) -> _SeenLines:
     distance = lines.normal @ point - lines.offset
     covered = lines.covered[:, ::_SPARSE]
     apart = np.abs(distance)
@@ -99,7 +99,7 @@ def _seen_from(lines: LineSet, point: FloatArray) -> _View:
     angle[apart < 3] = 0  # a line through the click bounds nothing
     inward = lines.normal * np.sign(distance)[:, None]
     turn = np.arctan2(inward[:, 1], inward[:, 0]) / (2 * np.pi) + 1
-    return _View(angle, apart, np.floor(turn * _SECTORS).astype(np.int64) % _SECTORS)
+    return _SeenLines(angle, apart, np.floor(turn * _SECTORS).astype(np.int64) % _SECTORS)
 
 
 def _intersections(normal: FloatArray, offset: FloatArray) -> FloatArray:
@@ -111,10 +111,12 @@ def _intersections(normal: FloatArray, offset: FloatArray) -> FloatArray:
     return np.stack([u, v], axis=-1)
 
 
-def _triangles(lines: LineSet, view: _View, point: FloatArray, least: float) -> tuple[FloatArray, FloatArray]:
+def _triangles(
+    lines: LineSet, seen: _SeenLines, point: FloatArray, least: float
+) -> tuple[FloatArray, FloatArray]:
     """Triangles around a point of two lines near it and a third: corners (N,4,2), support (N,4)."""
-    chosen = view.widest(_THIRD_LINES)
-    near = np.isin(chosen, view.widest(_TRIANGLE_LINES))
+    chosen = seen.widest(_THIRD_LINES)
+    near = np.isin(chosen, seen.widest(_TRIANGLE_LINES))
     side = np.where(lines.normal[chosen] @ point > lines.offset[chosen], 1.0, -1.0)
     corner = _intersections(lines.normal[chosen] * side[:, None], lines.offset[chosen] * side)
     inside = np.all(np.abs(corner) <= lines.centre + 3, axis=-1)
