@@ -261,8 +261,8 @@ the stated share of the area, in the mask or (3-D) in the mesh. Masks go in, no 
 at the regions; δ is against the uncorrupted masks, `100 |A xor B| / (|A| + |B|)`. In brackets: the
 target. *wrong*: off by more than 3° without being flagged as ambiguous or refused. *locked*: the
 outlines were found to coincide. NEES: squared error in units of the reported covariance, 6 when
-perfectly calibrated, over unflagged poses. Times are CPU times of one thread from masks to pose, on
-whatever else the machine was doing; `cv2.solvePnP` on 100 points took {pnp:.2f} ms in the same run.
+perfectly calibrated, over unflagged poses. Times are CPU times of one thread from masks to pose;
+`cv2.solvePnP` on 100 points took {pnp:.2f} ms in the same run.
 
 {table}
 
