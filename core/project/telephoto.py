@@ -14,6 +14,7 @@ import numpy as np
 from ..arrays import FloatArray
 from ..errors import PoseNotFound
 from ..geometry.rays import RayCaster
+from ..geometry.rigid import skew
 from ..jobs import Job, Progress, part
 from ..photos.image import read_image
 from ..photos.photo import Photo
@@ -60,9 +61,27 @@ def pose_telephoto_job(
             found[number] = _failed(found[number], str(error))
             continue
         note = f"Placed by {int(pose.inliers.sum())} features that it shares with {len(placed)} other photos."
-        plain = Pose(pose.rotation, pose.translation, pose.covariance)
+        own = Pose(pose.rotation, pose.translation, pose.covariance)
+        standing_on = [other for n in placed if (other := poses[n].pose) is not None]
+        plain = replace(own, covariance=own.covariance + inherited_covariance(own, standing_on))
         found[number] = PhotoPose(photo.name, plain, notes=(note,))
     return found
+
+
+def inherited_covariance(pose: Pose, others: Sequence[Pose]) -> FloatArray:
+    """Covariance (6,6) that a pose takes over from the photos it was found by, each as if tied to it rigidly.
+
+    The mean over them: it bounds the covariance of their mean, however their errors go together. Poses
+    of unknown covariance, which were given, count as exact.
+    """
+    total = np.zeros((6, 6))
+    for other in others:
+        if np.isfinite(other.covariance).all():
+            turn = other.rotation.T
+            lever = skew(pose.centre - other.centre) @ turn
+            moved = np.block([[pose.rotation @ turn, np.zeros((3, 3))], [lever, np.eye(3)]])
+            total += moved @ other.covariance @ moved.T
+    return total / max(1, len(others))
 
 
 def _failed(before: PhotoPose, reason: str) -> PhotoPose:
