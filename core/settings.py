@@ -216,7 +216,7 @@ class JointSettings:
     scan_sigma: float = 0.005
     """Standard deviation (m) of the scan's surface to start with; the ties then tell the true one."""
 
-    patch: float = 2.0
+    patch: float = 1.5
     """Size (m) of a patch of scan whose errors are alike: more ties on it do not average them out."""
 
     min_ties: int = 20

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from ...arrays import BoolArray, FloatArray, IndexArray
 from ...cameras.base import Camera
@@ -24,11 +25,15 @@ from .adjustment import (
 )
 from .features import Features, Hits, Surface
 from .lens import UNKNOWNS, Lenses
+from .reduction import sum_groups, summing
 from .residuals import TieResiduals
 from .tracks import Tracks, build_tracks
 
 ROUNDS = 4
 """Times the scan is met anew and outliers are dropped."""
+
+PARTS = 8
+"""Parts of a patch's side to which ties are gathered when those around are counted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,15 +119,25 @@ def meet_tracks(network: Network, tracks: Tracks, surface: Surface, settings: Jo
     tied = gap[nearest] < max(20 * settings.scan_sigma, 0.02)
     tied &= hits.face[nearest] >= 0
     normals = surface.normals[np.maximum(hits.face[nearest], 0)]
-    share = _shares(network.points, tied, settings.patch)
+    share = patch_shares(network.points, tied, settings.patch)
     return ScanTies(np.where(tied[:, None], feet, np.nan), np.where(tied[:, None], normals, np.nan), share)
 
 
-def _shares(points: FloatArray, tied: BoolArray, patch: float) -> FloatArray:
-    """One over the number of ties on the same patch of the scan: (T,), zero without a tie."""
+def patch_shares(points: FloatArray, tied: BoolArray, patch: float) -> FloatArray:
+    """One over the number of ties within a disc of `patch` x `patch` m² around: (T,), zero without a tie.
+
+    Around each tie anew: with a grid, ties on either side of a wall along its border would fall into
+    different cells, the fewer ones would count more, and all of these err to the same side.
+    """
     share = np.zeros(len(points))
     if tied.any():
-        cell = np.floor(points[tied] / patch).astype(np.int64)
+        cell = np.floor(points[tied] * (PARTS / patch)).astype(np.int64)
         _, inverse, counts = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
-        share[tied] = 1.0 / counts[inverse.ravel()]
+        inverse = inverse.ravel()
+        middles = sum_groups(summing(inverse, len(counts)), points[tied]) / counts[:, None]
+        near = cKDTree(middles).query_pairs(patch / np.sqrt(np.pi), output_type="ndarray")
+        around = counts.astype(np.float64)
+        np.add.at(around, near[:, 0], counts[near[:, 1]])
+        np.add.at(around, near[:, 1], counts[near[:, 0]])
+        share[tied] = 1.0 / around[inverse]
     return share
