@@ -2,13 +2,15 @@
 
 Disturbs known poses and measures what each kind of refinement gives back: `points` against OpenCV's
 refinement with the true points as the bound, `edges` on rendered scenes, `real` on a folder like
-fountain-P11 (all tables when none is named). `--write` puts them into docs/benchmarks.md.
+fountain-P11, `regions` there from the poses that its regions give (all tables when none is named).
+`--write` puts them into docs/benchmarks.md.
 """
 
 import argparse
 import json
 import os
 import sys
+import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -25,7 +27,10 @@ from fresco.core.pose import estimate_pose_from_points, refine_pose_by_edges, re
 from fresco.core.pose.edges import refine_pose_on_scan_job
 from fresco.core.pose.edges.rendering import Scan
 from fresco.core.pose.joint.similarity import umeyama
+from fresco.core.project import load_project, run_project
+from fresco.core.project.refinement import RefineSettings
 from fresco.core.scans import read_scan_job
+from fresco.core.settings import EdgeSettings, JointSettings
 from refine_scenes import scene_views
 from scipy.stats import chi2
 
@@ -36,11 +41,13 @@ DISTURBED = ((0.01, 0.001), (0.2, 0.02), (0.5, 0.05), (1.0, 0.1), (2.0, 0.2))
 
 
 def main():
-    tables = {"points": points_table, "edges": edges_table, "real": real_table}
+    tables = {"points": points_table, "edges": edges_table, "real": real_table, "regions": regions_table}
     options = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    options.add_argument("tables", nargs="*", help="which tables: points, edges, real; all by default")
+    options.add_argument(
+        "tables", nargs="*", help="which tables: points, edges, real, regions; all by default"
+    )
     options.add_argument("--quick", action="store_true", help="fewer cases")
     options.add_argument("--write", action="store_true", help="put the tables into docs/benchmarks.md")
     options.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data" / "fountain-P11")
@@ -216,6 +223,45 @@ def real_table(options):
         f"| normalised error² (ideal 6) | {e[2]:.1f} | {j[2]:.1f} | |"
     )
     return "\n".join(lines)
+
+
+def regions_table(options):
+    """Per photo: the pose that its regions give, after edges, after all photos together."""
+    truth = {Path(view.name).stem: view for view in real_views(options.data)} if options.data.exists() else {}
+    project = load_project(ROOT / "tests" / "fountain" / "project.toml") if truth else None
+    told = []
+    for chosen in (
+        RefineSettings(),
+        RefineSettings(edges=EdgeSettings()),
+        RefineSettings(joint=JointSettings()),
+    ):
+        if project is not None:
+            told.append(dict(solved_errors(replace(project, refine=chosen), truth)))
+    lines = [
+        "The same photos from the poses that their regions give, through the project file of "
+        "`tests/fountain` with one camera for all:\n",
+        "| photo | regions | edges afterwards | all together afterwards |",
+        "|---|---|---|---|",
+    ]
+    for name in told[0] if told else ():
+        cells = " | ".join(f"{stage[name][0]:.3f}°, {1000 * stage[name][1]:.1f} mm" for stage in told)
+        lines.append(f"| {name} | {cells} |")
+    middle = [np.median(list(stage.values()), axis=0) for stage in told]
+    lines.append("| median | " + " | ".join(f"{m[0]:.3f}°, {1000 * m[1]:.1f} mm" for m in middle) + " |")
+    lines.append(
+        "| normalised error² (median, ideal 6) | " + " | ".join(f"{m[2]:.1f}" for m in middle) + " |"
+    )
+    return "\n".join(lines) if told else ""
+
+
+def solved_errors(project, truth):
+    """Name and errors of every photo that a project gives a pose."""
+    with tempfile.TemporaryDirectory() as folder:
+        result = run_project(replace(project, output=replace(project.output, folder=Path(folder))))
+    for found in result.poses:
+        if found.solved:
+            pose, centre = found.pose, found.pose.centre + result.scan.offset
+            yield found.photo, errors(replace(pose, translation=-pose.rotation @ centre), truth[found.photo])
 
 
 def shape_errors(poses, views):
