@@ -10,8 +10,8 @@ from typing import Any, get_args
 from ..core.errors import ProjectError
 from ..core.files import replacing
 from ..core.project import Project, load_project
-from ..core.project.exported import FORMATS, recorded_cameras, write_cameras
 from ..core.project.imported import Placing
+from ..core.project.stages.exported import FORMATS, recorded_cameras, write_cameras
 
 
 def add_parser(commands: Any) -> None:

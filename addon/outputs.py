@@ -19,12 +19,12 @@ from ..core.errors import OutputError
 from ..core.files import output_error
 from ..core.jobs import Job, Progress, part
 from ..core.project import TexturedScan
-from ..core.project.cloud import ColouredCloud, write_coloured_cloud
-from ..core.project.models import layer_ending
+from ..core.project.stages.cloud import ColouredCloud, write_coloured_cloud
+from ..core.project.stages.models import layer_ending
 from ..core.report import Report, write_report_job
 from ..core.scans import Scan
 from ..core.texture import write_obj_job
-from ..core.texture.colour_correction import ColourCorrection
+from ..core.texture.colour.correction import ColourCorrection
 from .background import beside_job, one_step_job
 from .bridge.texture import read_gains, show_layer
 from .bridge.world import read_offset

@@ -10,9 +10,9 @@ import numpy as np
 
 from ...core.arrays import ByteArray, Float32Array
 from ...core.errors import TextureError
-from ...core.project.cloud import ColouredCloud
-from ...core.texture.colours import Colours, PointSelection
-from ...core.texture.visibility import project
+from ...core.project.stages.cloud import ColouredCloud
+from ...core.texture.models.colours import Colours, PointSelection
+from ...core.texture.views.visibility import project
 from . import meshes
 from .colours import read_point_colours, read_scan_colours
 from .maps import write_vertex_colours

@@ -12,11 +12,11 @@ import numpy as np
 
 from ...core.arrays import AnyArray, FloatArray, IntArray
 from ...core.project import TexturedScan
-from ...core.project.colour_chart import ChartResult, ColourChartEntry
-from ...core.project.delivery import BakedAtlas, DeliverySettings
-from ...core.project.simplified import SimplifiedModel, SimplifySettings
+from ...core.project.stages.colour_chart import ChartResult, ColourChartEntry
+from ...core.project.stages.delivery import BakedAtlas, DeliverySettings
+from ...core.project.stages.simplified import SimplifiedModel, SimplifySettings
 from ...core.settings import AtlasSettings
-from ...core.texture.colour_correction import ColourCorrection
+from ...core.texture.colour.correction import ColourCorrection
 from ..settings import from_core, to_core
 from . import materials, meshes
 from .images import load_image

@@ -20,7 +20,7 @@ from ...core.cameras.files import camera_from_dict, camera_to_dict
 from ...core.errors import PhotoError
 from ...core.photos import Photo, RegionMark, View
 from ...core.pose import Pose
-from ...core.project.photo_pose import PhotoPose, pose_from_dict, pose_to_dict
+from ...core.project.stages.photo_pose import PhotoPose, pose_from_dict, pose_to_dict
 from ..properties import FrescoMark, FrescoPhoto
 from . import cameras
 from .images import load_image, pack_photo, read_mask_pixels

@@ -15,12 +15,12 @@ from ...core.errors import ProjectError
 from ...core.jobs import Job, part
 from ...core.photos import Photo
 from ...core.project import Project, ProjectResult
-from ...core.project.colour_chart import ChartResult, ColourChartEntry
-from ...core.project.delivery import DeliverySettings
 from ...core.project.entries import OutputEntry, PhotoEntry, RegionEntries, ScanEntry
-from ...core.project.point_poses import PointsEntry, read_points
-from ...core.project.refinement import RefineSettings
-from ...core.project.surfaces import opening_regions
+from ...core.project.stages.colour_chart import ChartResult, ColourChartEntry
+from ...core.project.stages.delivery import DeliverySettings
+from ...core.project.stages.point_poses import PointsEntry, read_points
+from ...core.project.stages.refinement import RefineSettings
+from ...core.project.stages.surfaces import opening_regions
 from ...core.regions import SurfaceRegion
 from ...core.scans import Scan
 from ...core.settings import (

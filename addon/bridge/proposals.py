@@ -13,8 +13,8 @@ from ...core.arrays import FloatArray
 from ...core.errors import RegionError
 from ...core.photos import RegionMark
 from ...core.pose import Pose
-from ...core.regions.outline import polygon_mask
-from ...core.regions.surface_proposals import SurfaceProposal
+from ...core.regions.photo.outline import polygon_mask
+from ...core.regions.surface.proposals import SurfaceProposal
 from ..properties import FrescoPhoto, FrescoRegion
 from ..tools.settings import FrescoProposal
 from . import meshes, regions

@@ -16,8 +16,8 @@ from ...core.arrays import ArrayLike, BoolArray, FloatArray, IndexArray, IntArra
 from ...core.errors import RegionError
 from ...core.photos import RegionMark
 from ...core.regions import ImageRegion, SurfaceRegion
-from ...core.regions.cloud_region import cloud_region, found_points
-from ...core.regions.surface_files import FaceRegion, found_again, kept_regions
+from ...core.regions.surface.cloud_region import cloud_region, found_points
+from ...core.regions.surface.files import FaceRegion, found_again, kept_regions
 from ...core.scans import Scan
 from ..properties import FrescoPhoto, FrescoRegion
 from . import meshes

@@ -13,7 +13,7 @@ from ...core.arrays import FloatArray, IntArray
 from ...core.errors import TextureError
 from ...core.project import TexturedScan
 from ...core.texture import Selection
-from ...core.texture.images import full_turn
+from ...core.texture.views.images import full_turn
 from ..properties import FrescoPhoto
 from . import materials, meshes
 from .colours import carry_over

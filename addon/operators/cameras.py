@@ -12,9 +12,9 @@ from ...core.errors import CameraError
 from ...core.jobs import Job, Progress, part
 from ...core.pose import Pose
 from ...core.project import PhotoPose
-from ...core.project.exported import FORMATS, solved_cameras, write_cameras
 from ...core.project.imported import ImportedCameras, match_photos, read_cameras
-from ...core.project.placing import place, unsure
+from ...core.project.stages.exported import FORMATS, solved_cameras, write_cameras
+from ...core.project.stages.placing import place, unsure
 from ...core.scans import Scan
 from ..bridge import photos as bridge
 from ..bridge.previews import preview_job

@@ -10,13 +10,18 @@ import bpy
 
 from ...core.jobs import Job
 from ...core.project import TexturedScan
-from ...core.project.colour_chart import ChartResult, ColourChartEntry, correction_for, found_chart_job
-from ...core.project.delivery import BakedAtlas, DeliverySettings, bake_job, colour_job
-from ...core.project.models import layer_ending
-from ...core.project.simplified import SimplifiedModel, simplified_job
+from ...core.project.stages.colour_chart import (
+    ChartResult,
+    ColourChartEntry,
+    correction_for,
+    found_chart_job,
+)
+from ...core.project.stages.delivery import BakedAtlas, DeliverySettings, bake_job, colour_job
+from ...core.project.stages.models import layer_ending
+from ...core.project.stages.simplified import SimplifiedModel, simplified_job
 from ...core.settings import TextureSettings
-from ...core.texture.colour_correction import ColourCorrection
-from ...core.texture.colours import Colours
+from ...core.texture.colour.correction import ColourCorrection
+from ...core.texture.models.colours import Colours
 from ..bridge import delivery as bridge
 from ..bridge.images import read_mask_pixels
 from ..bridge.maps import write_vertex_colours

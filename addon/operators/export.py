@@ -9,12 +9,12 @@ import bpy
 
 from ...core.errors import OutputError
 from ...core.jobs import Job
-from ...core.project.cloud import ColouredCloud
-from ...core.project.colour_chart import correction_for
 from ...core.project.provenance import fresco_version
+from ...core.project.stages.cloud import ColouredCloud
+from ...core.project.stages.colour_chart import correction_for
 from ...core.report import Report
 from ...core.scans import Scan
-from ...core.texture.colour_correction import ColourCorrection
+from ...core.texture.colour.correction import ColourCorrection
 from ..bridge.clouds import read_clouds
 from ..bridge.delivery import SIMPLIFIED_KEY, read_charts, simplified_objects
 from ..bridge.photos import read_photo, read_solution

@@ -12,8 +12,7 @@ from ...core.errors import RegionError
 from ...core.geometry.meshes import edge_pairs, face_normals
 from ...core.jobs import Job, Progress
 from ...core.photos import check_outline
-from ...core.regions import face_sets
-from ...core.regions.outline import (
+from ...core.regions.photo.outline import (
     checked_selection,
     grown_mask,
     mask_polygons,
@@ -22,7 +21,8 @@ from ...core.regions.outline import (
     without_holes,
     without_specks,
 )
-from ...core.regions.snap import snapped_mask_loops
+from ...core.regions.photo.snap import snapped_mask_loops
+from ...core.regions.surface import face_sets
 from ..background import beside_job
 from ..bridge import meshes
 from ..bridge import regions as bridge

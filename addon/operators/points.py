@@ -17,7 +17,12 @@ from ...core.photos import read_image
 from ...core.pose.points.markers import Marker, snap_to_corner
 from ...core.pose.points.survey import read_survey
 from ...core.project import PhotoPose
-from ...core.project.point_poses import MARKERS, find_markers, match_markers, pose_from_points_job
+from ...core.project.stages.point_poses import (
+    MARKERS,
+    find_markers,
+    match_markers,
+    pose_from_points_job,
+)
 from ...core.settings import PointSettings
 from ..background import Preparation, one_step_job
 from ..bridge import photos as photos_bridge

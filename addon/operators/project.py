@@ -13,9 +13,9 @@ from ...core.errors import ScanError
 from ...core.jobs import Job, part
 from ...core.pose.points.survey import Survey
 from ...core.project import Project, load_project
+from ...core.project.file.save import Unsaved, save_project_job
 from ...core.project.run import charts_job, check_inputs_job, read_scans_job
-from ...core.project.save import Unsaved, save_project_job
-from ...core.project.surfaces import check_partners, region_faces
+from ...core.project.stages.surfaces import check_partners, region_faces
 from ..background import beside_job, one_step_job
 from ..bridge.points import read_points
 from ..bridge.projects import OpenedProject, previews_job, read_project, show_project

@@ -7,10 +7,14 @@ import numpy as np
 
 from ...core.arrays import BoolArray
 from ...core.jobs import Job, Progress, part
-from ...core.regions.outline import polygon_mask
-from ...core.regions.photo_proposals import propose_image_regions_job
-from ...core.regions.surface_proposals import SurfaceProposal, propose_facets_job, propose_openings_job
-from ...core.regions.wand import Level, PhotoWand
+from ...core.regions.photo.outline import polygon_mask
+from ...core.regions.photo.proposals import propose_image_regions_job
+from ...core.regions.photo.wand import Level, PhotoWand
+from ...core.regions.surface.proposals import (
+    SurfaceProposal,
+    propose_facets_job,
+    propose_openings_job,
+)
 from ..background import beside_job
 from ..bridge import meshes
 from ..bridge import proposals as bridge

@@ -13,8 +13,8 @@ from ...core.errors import PhotoError
 from ...core.jobs import Job, Progress, part
 from ...core.photos import Photo
 from ...core.project import PhotoPose, RefineSettings, refine_poses_job
-from ...core.project.refinement import restored, view_of
-from ...core.project.residuals import EdgeResiduals, edge_residuals_job
+from ...core.project.stages.refinement import restored, view_of
+from ...core.project.stages.residuals import EdgeResiduals, edge_residuals_job
 from ...core.scans import Scan
 from ...core.settings import EdgeSettings, JointSettings
 from ..bridge import photos as bridge

@@ -7,8 +7,8 @@ from typing import Any
 import bpy
 
 from ...core.jobs import Job
-from ...core.project.cloud import colour_cloud_job
-from ...core.project.textures import settings_among, texture_layers_job
+from ...core.project.stages.cloud import colour_cloud_job
+from ...core.project.stages.textures import settings_among, texture_layers_job
 from ...core.settings import TextureSettings
 from ..background import beside_job
 from ..bridge.clouds import show_cloud, show_clouds

@@ -11,7 +11,7 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ...core.arrays import Float32Array
-from ...core.texture.cloud import point_spacing
+from ...core.texture.views.cloud import point_spacing
 from ..bridge import meshes
 from ..bridge.clouds import shown_colours
 from ..bridge.world import matrix_to_array

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...core.arrays import FloatArray
 from ...core.errors import FrescoError
-from ...core.regions.outline import mask_polygons
+from ...core.regions.photo.outline import mask_polygons
 from ...core.regions.transfer import project_region
 from ..bridge import photos as bridge
 from ..bridge.images import MaskSource, mask_source

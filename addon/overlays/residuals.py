@@ -13,7 +13,7 @@ from gpu_extras.batch import batch_for_shader
 from ...core.arrays import FloatArray
 from ...core.cameras import Camera
 from ...core.pose.joint import TieResiduals
-from ...core.project.residuals import EdgeResiduals, pose_between, tie_residuals
+from ...core.project.stages.residuals import EdgeResiduals, pose_between, tie_residuals
 from ..bridge import photos as bridge
 from ..bridge.cameras import read_pose
 from ..properties import FrescoPhoto

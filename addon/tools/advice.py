@@ -12,7 +12,7 @@ from ...core.errors import FrescoError
 from ...core.jobs import Job, Progress, part
 from ...core.pose import Pose
 from ...core.pose.regions.estimate import estimate_pose_job
-from ...core.project.poses import ambiguity
+from ...core.project.stages.poses import ambiguity
 from ...core.regions import ImageRegion, SurfaceRegion
 from ...core.regions.feedback import RegionQuality, expected_covariance, pose_advice, region_quality
 from ...core.settings import PoseSettings

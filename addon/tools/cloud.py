@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...core.arrays import BoolArray, Float32Array, FloatArray, IndexArray
-from ...core.regions.surface_index import SurfaceIndex
+from ...core.regions.surface.index import SurfaceIndex
 
 if TYPE_CHECKING:
     from .views import ViewGeometry

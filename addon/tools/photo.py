@@ -10,10 +10,10 @@ import numpy as np
 from ...core.arrays import BoolArray, FloatArray
 from ...core.errors import RegionError
 from ...core.jobs import Job, Progress
-from ...core.regions.grabcut import grab_cut
-from ...core.regions.outline import brush_mask, combined, polygon_mask
-from ...core.regions.snap import snap_polygon, snapped_mask_loops
-from ...core.regions.wand import Level, PhotoWand, WandClick
+from ...core.regions.photo.grabcut import grab_cut
+from ...core.regions.photo.outline import brush_mask, combined, polygon_mask
+from ...core.regions.photo.snap import snap_polygon, snapped_mask_loops
+from ...core.regions.photo.wand import Level, PhotoWand, WandClick
 from ..background import beside_job, one_step_job
 from ..bridge.images import read_mask_pixels
 from ..bridge.regions import region_of

@@ -15,9 +15,9 @@ from ...core.arrays import ArrayLike, BoolArray, ByteArray, Float32Array, FloatA
 from ...core.errors import PhotoError
 from ...core.geometry.rays import RayCaster
 from ...core.jobs import Job, Progress, part
-from ...core.regions.cloud_index import index_cloud_job
-from ...core.regions.surface_index import SurfaceIndex, index_surface_job
-from ...core.regions.wand import PhotoWand, prepare_wand_job
+from ...core.regions.photo.wand import PhotoWand, prepare_wand_job
+from ...core.regions.surface.cloud_index import index_cloud_job
+from ...core.regions.surface.index import SurfaceIndex, index_surface_job
 from ..background import Preparation, Signature
 from ..bridge import meshes
 from ..bridge.colours import read_scan_colours

@@ -13,8 +13,8 @@ from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_
 from ...core.arrays import BoolArray, Float32Array, FloatArray, IndexArray
 from ...core.errors import RegionError
 from ...core.jobs import Job
-from ...core.regions.outline import combined, polygon_mask
-from ...core.regions.surface_wand import SurfaceClick, SurfaceLevel, grow_surface, region_faces
+from ...core.regions.photo.outline import combined, polygon_mask
+from ...core.regions.surface.wand import SurfaceClick, SurfaceLevel, grow_surface, region_faces
 from ..background import Preparation, beside_job, one_step_job
 from ..bridge import regions as bridge
 from ..bridge.meshes import element_count

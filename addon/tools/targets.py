@@ -11,7 +11,7 @@ import numpy as np
 from ...core.arrays import BoolArray, FloatArray
 from ...core.errors import RegionError
 from ...core.photos import RegionMark
-from ...core.regions.outline import checked_selection, combined
+from ...core.regions.photo.outline import checked_selection, combined
 from ..bridge import regions as bridge
 from ..bridge.images import read_mask_pixels
 from ..properties import FrescoPhoto, FrescoRegion

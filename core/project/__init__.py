@@ -1,13 +1,13 @@
 """The project file, the stages of a run, provenance and resuming."""
 
 from .entries import Project
-from .load import load_project
-from .photo_pose import PhotoPose, Refinement
-from .poses import solve_poses, solve_poses_job
-from .refinement import RefineSettings, refine_poses, refine_poses_job
+from .file.load import load_project
 from .remarks import remarks
 from .run import ProjectResult, run_project, run_project_job
-from .textures import TexturedScan, texture_scan, texture_scan_job
+from .stages.photo_pose import PhotoPose, Refinement
+from .stages.poses import solve_poses, solve_poses_job
+from .stages.refinement import RefineSettings, refine_poses, refine_poses_job
+from .stages.textures import TexturedScan, texture_scan, texture_scan_job
 
 __all__ = [
     "PhotoPose",

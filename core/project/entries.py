@@ -13,12 +13,12 @@ from typing import Literal
 from ..arrays import FloatArray
 from ..photos.photo import Photo
 from ..settings import PoseSettings, ScanSettings, TextureSettings
-from .colour_chart import ColourChartEntry
-from .delivery import DeliverySettings
 from .imported import ImportedCameras
-from .point_poses import Picks, PointsEntry
-from .refinement import RefineSettings
-from .simplified import SimplifySettings
+from .stages.colour_chart import ColourChartEntry
+from .stages.delivery import DeliverySettings
+from .stages.point_poses import Picks, PointsEntry
+from .stages.refinement import RefineSettings
+from .stages.simplified import SimplifySettings
 
 Use = Literal["texture", "pose", "none"]
 

@@ -22,9 +22,9 @@ from ..files import replacing
 from ..scans.scan import Scan
 from .digest import FINGERPRINT, code_digest
 from .entries import PhotoEntry, Project
-from .photo_pose import PhotoPose, Refinement
+from .stages.photo_pose import PhotoPose, Refinement
+from .stages.textures import TexturedScan
 from .store import packed
-from .textures import TexturedScan
 
 _MANIFEST = Path(__file__).resolve().parents[2] / "blender_manifest.toml"
 

@@ -9,8 +9,8 @@ import numpy as np
 from ..photos.photo import Photo
 from ..regions.surface_region import SurfaceRegion
 from ..scans.scan import Scan
-from .photo_pose import PhotoPose, Refinement
 from .run import ProjectResult
+from .stages.photo_pose import PhotoPose, Refinement
 
 WEAK_SHARE = 0.01
 """A camera centre less sure than this part of its distance to the regions is weakly determined."""

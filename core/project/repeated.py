@@ -11,8 +11,8 @@ import numpy as np
 from ..cameras.files.dictionary import camera_to_dict
 from ..jobs import Job, Progress
 from .digest import code_digest, digest
+from .stages.textures import TexturedScan
 from .store import Store
-from .textures import TexturedScan
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 

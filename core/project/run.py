@@ -21,23 +21,23 @@ from ..regions.surface_region import SurfaceRegion
 from ..scans.read import read_scan_job
 from ..scans.scan import Scan
 from ..settings import ScanSettings, TextureSettings
-from .cloud import ColouredCloud, check_cloud, colour_cloud_job, write_coloured_cloud
-from .colour_chart import ChartResult, correction_for, read_chart_job
 from .digest import file_digest
 from .entries import PhotoEntry, Project
-from .exported import cameras_path, check_exportable, solved_cameras, write_cameras
-from .models import layer_ending, models_job, output_path
-from .photo_pose import PhotoPose
-from .placing import place_cameras
-from .point_poses import PointsEntry, solve_points_job
-from .poses import solve_poses_job
 from .provenance import local_translation, provenance, write_photo_per_face, write_provenance
-from .refinement import RefineSettings, refine_poses_job, view_of, with_lenses
-from .simplified import SimplifiedModel
+from .stages.cloud import ColouredCloud, check_cloud, colour_cloud_job, write_coloured_cloud
+from .stages.colour_chart import ChartResult, correction_for, read_chart_job
+from .stages.exported import cameras_path, check_exportable, solved_cameras, write_cameras
+from .stages.models import layer_ending, models_job, output_path
+from .stages.photo_pose import PhotoPose
+from .stages.placing import place_cameras
+from .stages.point_poses import PointsEntry, solve_points_job
+from .stages.poses import solve_poses_job
+from .stages.refinement import RefineSettings, refine_poses_job, view_of, with_lenses
+from .stages.simplified import SimplifiedModel
+from .stages.surfaces import check_partners, opening_regions, region_faces, surface_regions
+from .stages.telephoto import pose_telephoto_job
+from .stages.textures import TexturedScan, settings_among, texture_layers_job
 from .store import Store
-from .surfaces import check_partners, opening_regions, region_faces, surface_regions
-from .telephoto import pose_telephoto_job
-from .textures import TexturedScan, settings_among, texture_layers_job
 
 Result = TypeVar("Result")
 

@@ -12,8 +12,8 @@ from ..cameras.base import Camera
 from ..errors import RegionError
 from ..geometry.contours import resampled
 from ..geometry.outlines import fill_loops
+from ..geometry.polygons import polygon_moments
 from ..geometry.rigid import camera_centre, skew
-from .frames import polygon_moments
 from .image_region import ImageRegion
 from .surface_region import SurfaceRegion
 

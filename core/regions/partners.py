@@ -17,8 +17,8 @@ from ..cameras.base import Camera
 from ..errors import FrescoError, RegionError
 from ..geometry.outlines import fill_loops
 from ..jobs import Job, Progress
-from .edges import to_reduced
 from .image_region import ImageRegion
+from .photo.edges import to_reduced
 from .surface_region import SurfaceRegion
 from .transfer import project_region
 

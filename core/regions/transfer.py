@@ -14,7 +14,7 @@ from ..geometry.outlines import fill_loops, loop_area
 from ..geometry.rays import RayCaster
 from ..geometry.rigid import camera_centre
 from .image_region import ImageRegion
-from .snap import snap_outline
+from .photo.snap import snap_outline
 from .surface_region import SurfaceRegion
 
 _SAMPLES = 400  # points per boundary loop

@@ -11,10 +11,10 @@ from ..arrays import BoolArray, Float32Array, FloatArray
 from ..cameras.files.dictionary import camera_to_dict
 from ..geometry.rigid import camera_centre, rotation_angle
 from ..photos.photo import Photo
-from ..project.maps import median_over_area, texture_shift
-from ..project.photo_pose import PhotoPose, Refinement
 from ..project.run import ProjectResult
-from ..project.textures import TexturedScan
+from ..project.stages.maps import median_over_area, texture_shift
+from ..project.stages.photo_pose import PhotoPose, Refinement
+from ..project.stages.textures import TexturedScan
 from ..regions.surface_region import SurfaceRegion
 from ..scans.scan import Scan
 

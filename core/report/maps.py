@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 
 from ..arrays import AnyArray, BoolArray, ByteArray, FloatArray
-from ..project.maps import texture_shift
-from ..project.textures import TexturedScan
+from ..project.stages.maps import texture_shift
+from ..project.stages.textures import TexturedScan
 
 _UNSEEN = (120, 120, 124)
 _SHOWN = 40

@@ -10,9 +10,9 @@ from html import escape
 
 import numpy as np
 
-from ..project.photo_pose import Method
 from ..project.remarks import remarks_on
-from ..project.residuals import tie_residuals
+from ..project.stages.photo_pose import Method
+from ..project.stages.residuals import tie_residuals
 from .content import PhotoRow, Report
 from .maps import FaceMap
 from .style import STYLE

@@ -11,8 +11,8 @@ from ..arrays import ByteArray, FloatArray, IntArray
 from ..files import replacing
 from ..jobs import Job, Progress, drain, part
 from ..project.run import ProjectResult
-from ..project.textures import TexturedScan
-from ..texture.render import shade_clay, shade_faces, shade_textured_job, trace_pixels_job
+from ..project.stages.textures import TexturedScan
+from ..texture.models.render import shade_clay, shade_faces, shade_textured_job, trace_pixels_job
 from .content import Report, photo_rows, project_report
 from .figures import draw_photo, jpeg
 from .maps import FACE_MAPS, FaceMap

@@ -16,7 +16,7 @@ from ..photos.view import View
 from ..settings import TextureSettings
 from .selection import Selection
 from .surface import Surface
-from .visibility import visible_faces
+from .views.visibility import visible_faces
 
 _PROPOSALS = 60
 _CLEARANCE = 0.15

@@ -12,19 +12,19 @@ from ..errors import TextureError
 from ..jobs import Job, Progress, drain, part
 from ..photos.view import View
 from ..settings import TextureSettings
-from .agreement import PoseAgreement, compare_poses_job
-from .candidates import CandidateTable
-from .consistency import drop_foreign_job
-from .focus import FocusModel, fit_focus
-from .gains import corrected_colours, photo_gains
-from .images import check_views, view_name
-from .kept import KeptPhotos
-from .labels import label_faces_job
-from .parallel import CORES, map_ahead
+from .colour.gains import corrected_colours, photo_gains
 from .selection import Selection
 from .surface import Mesh, Surface, surface_job
-from .survey import Survey, survey_photos_job
-from .visibility import face_pixels, triangle_areas
+from .views.agreement import PoseAgreement, compare_poses_job
+from .views.candidates import CandidateTable
+from .views.consistency import drop_foreign_job
+from .views.focus import FocusModel, fit_focus
+from .views.images import check_views, view_name
+from .views.kept import KeptPhotos
+from .views.labels import label_faces_job
+from .views.parallel import CORES, map_ahead
+from .views.survey import Survey, survey_photos_job
+from .views.visibility import face_pixels, triangle_areas
 
 
 def select_views(

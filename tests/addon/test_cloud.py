@@ -103,7 +103,7 @@ def prepare(module):
     """Return a function that makes points ready for clicks."""
 
     def run(points):
-        index = module("core.regions.cloud_index").index_cloud(points)
+        index = module("core.regions.surface.cloud_index").index_cloud(points)
         return module("addon.tools.cloud").PreparedCloud(index, points)
 
     return run

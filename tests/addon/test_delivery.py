@@ -7,9 +7,9 @@ import bpy
 import cv2
 import numpy as np
 import pytest
-from fresco.core.texture.colour_chart import REFERENCE
-from fresco.core.texture.colour_difference import lab_to_linear
-from fresco.core.texture.images import to_bytes, to_srgb
+from fresco.core.texture.colour.colour_chart import REFERENCE
+from fresco.core.texture.colour.difference import lab_to_linear
+from fresco.core.texture.views.images import to_bytes, to_srgb
 
 
 @pytest.fixture(scope="module")

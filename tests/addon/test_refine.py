@@ -126,7 +126,7 @@ def test_refined_poses_are_kept_in_the_file_and_go_into_the_report(placed, tmp_p
 
 
 def test_a_saved_project_makes_the_same_refinements(placed, tmp_path, module):
-    load_project = module("core.project.load").load_project
+    load_project = module("core.project.file.load").load_project
     assert bpy.ops.fresco.save_project(filepath=str(tmp_path / "before.toml")) == {"FINISHED"}
     assert load_project(tmp_path / "before.toml").refine.joint is None
     placed.fresco.joint.min_ties = 8
@@ -137,7 +137,7 @@ def test_a_saved_project_makes_the_same_refinements(placed, tmp_path, module):
 
 
 def test_colours_of_the_scan_reach_core_also_after_its_faces_were_split(imported, room, module, tmp_path):
-    from fresco.core.project.textures import TexturedScan
+    from fresco.core.project.stages.textures import TexturedScan
 
     vertices, faces, _ = room.walls()
     lines = ["ply", "format ascii 1.0", f"element vertex {len(vertices)}"]

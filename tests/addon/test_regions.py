@@ -251,7 +251,7 @@ def test_a_hidden_part_goes_to_the_solver_and_survives_saving(imported, module, 
     np.testing.assert_array_equal(marks[fresco.regions[0].name].hidden, hidden)
     assert marks[fresco.regions[1].name].hidden is None
     surfaces = bridge.surface_source(bpy.context.scene).regions()
-    images, _ = module("core.project.poses")._read_regions(photo, surfaces)
+    images, _ = module("core.project.stages.poses")._read_regions(photo, surfaces)
     taken = {image.name: image.hidden for image in images}
     np.testing.assert_array_equal(taken[fresco.regions[0].name], hidden)
     fresco.region_index = fresco.photo_index = 0

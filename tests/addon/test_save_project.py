@@ -15,7 +15,7 @@ def marked(imported, module):
     hidden = np.zeros((320, 480), dtype=bool)
     hidden[100:140, 200:260] = True
     bridge.write_hidden(photo, fresco.regions[0], hidden)
-    opening = module("core.regions.opening").opening_region(OPENING, "niche")
+    opening = module("core.regions.surface.opening").opening_region(OPENING, "niche")
     bridge.write_opening(imported, bridge.add_region(imported, "niche"), opening)
     mask = np.zeros((320, 480), dtype=bool)
     mask[20:60, 30:90] = True

@@ -19,8 +19,8 @@ import numpy as np
 from fresco.core.jobs import drain
 from fresco.core.photos import read_image
 from fresco.core.project import load_project, run_project_job
+from fresco.core.texture.models.render import render_view
 from fresco.core.texture.quality import compare_images
-from fresco.core.texture.render import render_view
 
 
 def main():

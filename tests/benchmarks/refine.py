@@ -28,7 +28,7 @@ from fresco.core.pose.edges import refine_pose_on_scan_job
 from fresco.core.pose.edges.rendering import Scan
 from fresco.core.pose.joint.similarity import umeyama
 from fresco.core.project import load_project, run_project
-from fresco.core.project.refinement import RefineSettings
+from fresco.core.project.stages.refinement import RefineSettings
 from fresco.core.scans import read_scan_job
 from fresco.core.settings import EdgeSettings, JointSettings
 from refine_scenes import scene_views

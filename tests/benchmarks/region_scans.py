@@ -10,8 +10,8 @@ import time
 import tracemalloc
 
 import numpy as np
-from fresco.core.regions.surface_index import index_surface
-from fresco.core.regions.surface_wand import grow_surface, region_faces
+from fresco.core.regions.surface.index import index_surface
+from fresco.core.regions.surface.wand import grow_surface, region_faces
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 

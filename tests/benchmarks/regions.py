@@ -19,9 +19,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import cv2
 import numpy as np
 import trimesh
-from fresco.core.regions.surface_index import index_surface
-from fresco.core.regions.surface_wand import grow_surface, region_faces
-from fresco.core.regions.wand import Level, prepare_wand, prepare_wand_job
+from fresco.core.regions.photo.wand import Level, prepare_wand, prepare_wand_job
+from fresco.core.regions.surface.index import index_surface
+from fresco.core.regions.surface.wand import grow_surface, region_faces
 from region_scans import facade_tables
 
 ROOT = Path(__file__).parents[2]

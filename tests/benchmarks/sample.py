@@ -14,15 +14,20 @@ from pathlib import Path
 import cv2
 import numpy as np
 from fresco.core.jobs import drain
-from fresco.core.project.load import load_project
+from fresco.core.project.file.load import load_project
 from fresco.core.project.run import run_project
-from fresco.core.project.textures import texture_scan_job
+from fresco.core.project.stages.textures import texture_scan_job
 from fresco.core.report import project_report, write_report
 from fresco.core.report.content import photo_rows
 from fresco.core.report.viewpoint import two_viewpoints
-from fresco.core.texture.images import read_photo
+from fresco.core.texture.models.render import (
+    render_view,
+    shade_clay,
+    shade_textured_job,
+    trace_pixels_job,
+)
 from fresco.core.texture.quality import compare_images
-from fresco.core.texture.render import render_view, shade_clay, shade_textured_job, trace_pixels_job
+from fresco.core.texture.views.images import read_photo
 
 SAMPLE = Path(__file__).resolve().parents[2] / "sample"
 

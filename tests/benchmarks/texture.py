@@ -26,8 +26,8 @@ from fresco.core.jobs import drain
 from fresco.core.photos import View, read_image
 from fresco.core.settings import TextureSettings
 from fresco.core.texture import level_seams, select_views
+from fresco.core.texture.models.render import shade_textured_job, trace_pixels_job
 from fresco.core.texture.quality import compare_images
-from fresco.core.texture.render import shade_textured_job, trace_pixels_job
 
 sys.path.insert(0, str(Path(__file__).parent))
 from texture_chapel import chapel_mesh, chapel_views

@@ -21,9 +21,9 @@ import numpy as np
 from fresco.core.geometry.meshes import face_normals
 from fresco.core.jobs import drain
 from fresco.core.photos import View, read_image
+from fresco.core.texture.models.render import shade_textured_job, trace_pixels_job
 from fresco.core.texture.quality import compare_images
-from fresco.core.texture.render import shade_textured_job, trace_pixels_job
-from fresco.core.texture.visibility import triangle_areas
+from fresco.core.texture.views.visibility import triangle_areas
 
 sys.path.insert(0, str(Path(__file__).parent))
 from texture_chapel import chapel_mesh, chapel_views

@@ -22,7 +22,7 @@ from fresco.core.project import TexturedScan
 from fresco.core.scans import Scan
 from fresco.core.settings import TextureSettings
 from fresco.core.texture import select_views_job, split_large_faces
-from fresco.core.texture.obj import write_obj
+from fresco.core.texture.models.obj import write_obj
 
 sys.path.insert(0, str(Path(__file__).parent))
 from texture_chapel import Mesh, chapel_mesh, painted_tile, random_poses

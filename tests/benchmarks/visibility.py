@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 from fresco.core.photos import View
 from fresco.core.settings import TextureSettings
-from fresco.core.texture.cloud import visible_points
-from fresco.core.texture.splats import Splats, measure_splats
 from fresco.core.texture.surface import Surface
-from fresco.core.texture.visibility import project, visible_faces
+from fresco.core.texture.views.cloud import visible_points
+from fresco.core.texture.views.splats import Splats, measure_splats
+from fresco.core.texture.views.visibility import project, visible_faces
 
 sys.path.insert(0, str(Path(__file__).parent))
 from texture_chapel import chapel_mesh, random_poses

@@ -16,10 +16,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import cv2
 import numpy as np
-from fresco.core.regions import edges, evidence
-from fresco.core.regions.choice import expected_overlaps
-from fresco.core.regions.frames import polygon_moments
-from fresco.core.regions.wand import prepare_wand
+from fresco.core.geometry.polygons import polygon_moments
+from fresco.core.regions.photo import edges, evidence
+from fresco.core.regions.photo.choice import expected_overlaps
+from fresco.core.regions.photo.wand import prepare_wand
 from scipy.optimize import minimize
 from wand_facades import facade
 

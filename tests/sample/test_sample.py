@@ -9,10 +9,10 @@ import pytest
 from fresco.core.geometry.rigid import rotation_angle
 from fresco.core.photos.image import check_complete
 from fresco.core.photos.marks import touches_frame
-from fresco.core.project.load import load_project
-from fresco.core.project.poses import solve_poses
-from fresco.core.project.refinement import RefineSettings, refine_poses
-from fresco.core.project.surfaces import check_partners, region_faces, surface_regions
+from fresco.core.project.file.load import load_project
+from fresco.core.project.stages.poses import solve_poses
+from fresco.core.project.stages.refinement import RefineSettings, refine_poses
+from fresco.core.project.stages.surfaces import check_partners, region_faces, surface_regions
 from fresco.core.regions import ImageRegion
 from fresco.core.scans.read import read_scan
 

@@ -15,8 +15,8 @@ from fresco.core.cameras.exchange import (
 from fresco.core.errors import OutputError, PoseNotFound, ProjectError
 from fresco.core.geometry.rigid import exp_so3
 from fresco.core.project import load_project, run_project
-from fresco.core.project.exported import FORMATS, cameras_path, recorded_cameras
 from fresco.core.project.imported import match_names
+from fresco.core.project.stages.exported import FORMATS, cameras_path, recorded_cameras
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 from fresco.core.errors import ProjectError
-from fresco.core.project.load import load_project
+from fresco.core.project.file.load import load_project
 from fresco.core.project.run import run_project
 from fresco.core.report import write_report
 from fresco.core.scans import read_scan

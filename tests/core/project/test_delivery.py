@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from fresco.core.errors import ProjectError
 from fresco.core.project import load_project, run_project
-from fresco.core.project.delivery import DeliverySettings
 from fresco.core.project.repeated import are_unchanged, keep_unchanged
+from fresco.core.project.stages.delivery import DeliverySettings
 from fresco.core.project.store import Store
 from fresco.core.settings import AtlasSettings
 from plyfile import PlyData

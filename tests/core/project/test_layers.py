@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from fresco.core.errors import ProjectError
 from fresco.core.photos import read_image
-from fresco.core.project.load import load_project
+from fresco.core.project.file.load import load_project
 from fresco.core.project.run import run_project
-from fresco.core.project.textures import settings_among
+from fresco.core.project.stages.textures import settings_among
 from fresco.core.settings import TextureSettings
-from fresco.core.texture import survey
+from fresco.core.texture.views import survey
 
 
 @pytest.mark.parametrize(("chosen", "anchor"), [([0, 1, 2], 2), ([2, 3], 0), ([0, 3], None), ([], None)])

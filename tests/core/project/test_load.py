@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from fresco.core.cameras import EquirectangularCamera, FisheyeCamera, PerspectiveCamera
 from fresco.core.errors import ProjectError
-from fresco.core.project.load import load_project
+from fresco.core.project.file.load import load_project
 
 WIDTH, HEIGHT = 96, 64
 

@@ -8,7 +8,7 @@ from fresco.core.cameras import PerspectiveCamera
 from fresco.core.cameras.exchange import PosedCamera, Reconstruction
 from fresco.core.errors import PoseNotFound
 from fresco.core.geometry.rigid import exp_so3, rotation_angle
-from fresco.core.project.placing import Placed, place_by_matrix, place_on_surface
+from fresco.core.project.stages.placing import Placed, place_by_matrix, place_on_surface
 from fresco.core.scans.scan import Scan
 
 FAR = np.array([5_012_300.0, 423_400.0, 80.0])

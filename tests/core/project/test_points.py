@@ -6,7 +6,7 @@ import pytest
 from fresco.core.cameras import PerspectiveCamera
 from fresco.core.errors import ProjectError, ScanError
 from fresco.core.project import load_project, run_project
-from fresco.core.project.point_poses import read_picks
+from fresco.core.project.stages.point_poses import read_picks
 
 CAMERA = PerspectiveCamera(480, 360, np.array([[390.0, 0, 239.5], [0, 390, 179.5], [0, 0, 1]]))
 POINTS = {

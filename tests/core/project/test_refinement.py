@@ -8,11 +8,12 @@ from fresco.core.errors import ProjectError
 from fresco.core.geometry.rigid import exp_so3, rotation_angle
 from fresco.core.jobs import drain
 from fresco.core.pose import Pose, RegionPose
-from fresco.core.project import PhotoPose, Refinement, RefineSettings, load_project, refinement, remarks
-from fresco.core.project.photo_pose import PointSighting, pose_from_dict, pose_to_dict
-from fresco.core.project.refinement import refine_poses, restored
-from fresco.core.project.residuals import tie_residuals
+from fresco.core.project import PhotoPose, Refinement, RefineSettings, load_project, remarks
 from fresco.core.project.run import read_scans_job, run_project
+from fresco.core.project.stages import refinement
+from fresco.core.project.stages.photo_pose import PointSighting, pose_from_dict, pose_to_dict
+from fresco.core.project.stages.refinement import refine_poses, restored
+from fresco.core.project.stages.residuals import tie_residuals
 from fresco.core.report import write_report
 from fresco.core.settings import EdgeSettings, JointSettings
 

@@ -5,7 +5,7 @@ import numpy as np
 from fresco.core.cameras import PerspectiveCamera
 from fresco.core.geometry.rigid import exp_so3
 from fresco.core.photos.view import View
-from fresco.core.project.residuals import edge_residuals, pose_between
+from fresco.core.project.stages.residuals import edge_residuals, pose_between
 from fresco.core.scans.scan import Scan
 from hypothesis import given
 from hypothesis import strategies as st

@@ -9,12 +9,12 @@ import pytest
 from fresco.core.errors import OutputError, PhotoError, PoseNotFound, ProjectError, TextureError
 from fresco.core.geometry.rigid import rotation_angle
 from fresco.core.photos import read_image
-from fresco.core.project import poses as pose_stage
-from fresco.core.project.load import load_project
+from fresco.core.project.file.load import load_project
 from fresco.core.project.run import check_inputs_job, run_project, run_project_job
-from fresco.core.texture import survey
+from fresco.core.project.stages import poses as pose_stage
+from fresco.core.texture.models.render import render_view
 from fresco.core.texture.quality import psnr
-from fresco.core.texture.render import render_view
+from fresco.core.texture.views import survey
 
 
 def run(path):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from fresco.core.jobs import drain
 from fresco.core.photos import read_polygons
-from fresco.core.project.load import load_project
-from fresco.core.project.save import save_project_job
+from fresco.core.project.file.load import load_project
+from fresco.core.project.file.save import save_project_job
 
 STAGES = """
 [pose]

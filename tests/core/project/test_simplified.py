@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from fresco.core.errors import ProjectError
 from fresco.core.photos import read_image
-from fresco.core.project import models
-from fresco.core.project.load import load_project
+from fresco.core.project.file.load import load_project
 from fresco.core.project.run import run_project
+from fresco.core.project.stages import models
 from fresco.core.report import project_report
-from fresco.core.texture.colour_chart import REFERENCE
-from fresco.core.texture.colour_difference import lab_to_linear
-from fresco.core.texture.images import to_bytes, to_srgb
+from fresco.core.texture.colour.colour_chart import REFERENCE
+from fresco.core.texture.colour.difference import lab_to_linear
+from fresco.core.texture.views.images import to_bytes, to_srgb
 
 CAST = np.array([[0.80, 0.10, 0.02], [0.06, 0.62, 0.05], [0.01, 0.12, 0.42]])
 

@@ -4,7 +4,7 @@ import numpy as np
 from fresco.core.geometry.rigid import exp_so3, log_so3, rotation_angle
 from fresco.core.pose.pose import Pose
 from fresco.core.project import load_project, run_project
-from fresco.core.project.telephoto import inherited_covariance
+from fresco.core.project.stages.telephoto import inherited_covariance
 
 
 def edit(path, old, new):

@@ -7,9 +7,9 @@ from fresco.core.geometry.outlines import loop_area
 from fresco.core.geometry.rigid import exp_so3
 from fresco.core.pose import estimate_pose
 from fresco.core.regions import ImageRegion
-from fresco.core.regions.cloud_index import index_cloud
-from fresco.core.regions.cloud_region import cloud_region
-from fresco.core.regions.surface_wand import grow_surface, region_faces
+from fresco.core.regions.surface.cloud_index import index_cloud
+from fresco.core.regions.surface.cloud_region import cloud_region
+from fresco.core.regions.surface.wand import grow_surface, region_faces
 
 FAR = np.array([3_500_000.0, 5_000_000.0, 250.0])
 TURN = exp_so3([0.4, -0.3, 0.8])

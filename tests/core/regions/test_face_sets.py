@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from fresco.core.geometry.meshes import edge_pairs, face_normals
-from fresco.core.regions.face_sets import (
+from fresco.core.regions.surface.face_sets import (
     faces_without_holes,
     faces_without_specks,
     grown_faces,

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 from fresco.core.errors import RegionError
-from fresco.core.regions.grabcut import grab_cut
+from fresco.core.regions.photo.grabcut import grab_cut
 
 
 def shield():

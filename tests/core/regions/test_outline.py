@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from fresco.core.errors import RegionError
-from fresco.core.regions.outline import (
+from fresco.core.regions.photo.outline import (
     brush_mask,
     checked_selection,
     combined,

@@ -1,8 +1,8 @@
 from fresco.core.jobs import Progress, drain
 from fresco.core.regions import ImageRegion
-from fresco.core.regions.photo_proposals import propose_image_regions_job
+from fresco.core.regions.photo.proposals import propose_image_regions_job
+from fresco.core.regions.photo.wand import prepare_wand
 from fresco.core.regions.transfer import overlap
-from fresco.core.regions.wand import prepare_wand
 from photo_scenes import CAMERA, SHIFT, SURFACES, TURN, photo_of
 
 

@@ -2,10 +2,10 @@ import cv2
 import numpy as np
 import pytest
 from fresco.core.errors import RegionError
+from fresco.core.geometry.polygons import polygon_areas, polygon_moments
 from fresco.core.jobs import Progress
-from fresco.core.regions.frames import polygon_areas, polygon_moments
-from fresco.core.regions.snap import snap_outline, snap_polygon
-from fresco.core.regions.wand import prepare_wand, prepare_wand_job
+from fresco.core.regions.photo.snap import snap_outline, snap_polygon
+from fresco.core.regions.photo.wand import prepare_wand, prepare_wand_job
 from fresco.core.settings import RegionSettings
 
 PANEL = np.array([[210.3, 160.2], [611.8, 190.6], [590.4, 421.7], [190.9, 440.1]])

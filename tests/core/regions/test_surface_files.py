@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fresco.core.errors import RegionError
-from fresco.core.regions.surface_files import (
+from fresco.core.regions.surface.files import (
     found_again,
     kept_regions,
     read_face_regions,

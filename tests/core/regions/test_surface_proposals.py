@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 from fresco.core.jobs import drain
-from fresco.core.regions.surface_index import index_surface
-from fresco.core.regions.surface_proposals import propose_facets_job, propose_openings_job
+from fresco.core.regions.surface.index import index_surface
+from fresco.core.regions.surface.proposals import propose_facets_job, propose_openings_job
 
 
 def room(step=0.05):

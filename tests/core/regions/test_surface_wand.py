@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 from fresco.core.errors import RegionError
-from fresco.core.regions.robust_fit import fit_plane, fit_quadric, fit_smooth
-from fresco.core.regions.surface_index import index_surface
-from fresco.core.regions.surface_wand import grow_surface, region_faces
+from fresco.core.regions.surface.index import index_surface
+from fresco.core.regions.surface.robust_fit import fit_plane, fit_quadric, fit_smooth
+from fresco.core.regions.surface.wand import grow_surface, region_faces
 from fresco.core.settings import RegionSettings
 
 FAR = np.array([3_500_000.0, 5_000_000.0, 250.0])

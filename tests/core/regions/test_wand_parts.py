@@ -5,13 +5,13 @@ import itertools
 import numpy as np
 import pytest
 from fresco.core.jobs import drain
-from fresco.core.regions.band import across_band_job
-from fresco.core.regions.best_path import best_path
-from fresco.core.regions.choice import expected_overlaps, overlaps
-from fresco.core.regions.edges import evened, gradient, lab
-from fresco.core.regions.frames import find_frames
-from fresco.core.regions.lines import find_lines_job
-from fresco.core.regions.snap import snap_outline_job
+from fresco.core.regions.photo.band import across_band_job
+from fresco.core.regions.photo.best_path import best_path
+from fresco.core.regions.photo.choice import expected_overlaps, overlaps
+from fresco.core.regions.photo.edges import evened, gradient, lab
+from fresco.core.regions.photo.frames import find_frames
+from fresco.core.regions.photo.lines import find_lines_job
+from fresco.core.regions.photo.snap import snap_outline_job
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -16,8 +16,8 @@ from fresco.core.photos.photo import Photo
 from fresco.core.photos.view import View
 from fresco.core.pose import Pose
 from fresco.core.pose.regions.region_pose import RegionPose
-from fresco.core.project.photo_pose import PhotoPose
-from fresco.core.project.textures import TexturedScan
+from fresco.core.project.stages.photo_pose import PhotoPose
+from fresco.core.project.stages.textures import TexturedScan
 from fresco.core.regions import SurfaceRegion
 from fresco.core.report import Report, write_report, write_report_job
 from fresco.core.report.content import photo_rows

@@ -10,7 +10,7 @@ from fresco.core.arrays import ByteArray, FloatArray, IntArray
 from fresco.core.cameras import Camera, PerspectiveCamera
 from fresco.core.geometry.rays import RayCaster
 from fresco.core.photos import View
-from fresco.core.texture.images import sample_image, to_bytes, to_srgb
+from fresco.core.texture.views.images import sample_image, to_bytes, to_srgb
 
 
 def grid_mesh(

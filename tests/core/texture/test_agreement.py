@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
-from fresco.core.texture.agreement import _Comparison, _Pairs, _verdicts
+from fresco.core.texture.views.agreement import _Comparison, _Pairs, _verdicts
 
 
 def judged(count, entries, scale=0.5):

@@ -10,13 +10,13 @@ from fresco.core.cameras import PerspectiveCamera
 from fresco.core.errors import OutputError, TextureError
 from fresco.core.settings import AtlasSettings, TextureSettings
 from fresco.core.texture import bake_atlas, level_seams, select_views
-from fresco.core.texture.atlas import fill_margins
-from fresco.core.texture.charts import pack_shelves
-from fresco.core.texture.colour_correction import ColourCorrection
-from fresco.core.texture.images import to_linear
+from fresco.core.texture.colour.correction import ColourCorrection
+from fresco.core.texture.models.atlas import fill_margins
+from fresco.core.texture.models.charts import pack_shelves
+from fresco.core.texture.models.raster import barycentric, rasterise
+from fresco.core.texture.models.render import render_view
 from fresco.core.texture.quality import image_offset, psnr
-from fresco.core.texture.raster import barycentric, rasterise
-from fresco.core.texture.render import render_view
+from fresco.core.texture.views.images import to_linear
 from hypothesis import given
 from hypothesis import strategies as st
 from painted_scenes import detailed, grid_mesh, paint, wall_views

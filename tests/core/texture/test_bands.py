@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from fresco.core.settings import AtlasSettings, TextureSettings
 from fresco.core.texture import bake_atlas, select_views
-from fresco.core.texture.bands import PhotoBands, mix_bands
-from fresco.core.texture.images import to_linear
-from fresco.core.texture.visibility import project
+from fresco.core.texture.colour.bands import PhotoBands, mix_bands
+from fresco.core.texture.views.images import to_linear
+from fresco.core.texture.views.visibility import project
 from painted_scenes import grid_mesh, wall_views
 
 WALL = grid_mesh(32, 24)

@@ -6,8 +6,8 @@ from fresco.core.cameras import EquirectangularCamera, PerspectiveCamera
 from fresco.core.errors import TextureError
 from fresco.core.geometry.rays import RayCaster
 from fresco.core.photos import View
-from fresco.core.texture.cloud import visible_points
-from fresco.core.texture.splats import measure_splats, tangents
+from fresco.core.texture.views.cloud import visible_points
+from fresco.core.texture.views.splats import measure_splats, tangents
 from painted_scenes import box_mesh, grid_mesh, join, look_at
 
 ROOM = join(

@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 import pytest
 from fresco.core.errors import PhotoError
-from fresco.core.texture.colour_chart import REFERENCE, find_colour_chart
-from fresco.core.texture.colour_correction import fit_correction
-from fresco.core.texture.colour_difference import lab_to_linear
-from fresco.core.texture.images import to_bytes, to_srgb
+from fresco.core.texture.colour.colour_chart import REFERENCE, find_colour_chart
+from fresco.core.texture.colour.correction import fit_correction
+from fresco.core.texture.colour.difference import lab_to_linear
+from fresco.core.texture.views.images import to_bytes, to_srgb
 
 CAST = np.array([[0.80, 0.10, 0.02], [0.06, 0.62, 0.05], [0.01, 0.12, 0.42]])
 PITCH, SIDE, RIM = 48, 41, 30

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from fresco.core.errors import PhotoError
-from fresco.core.texture.colour_chart import REFERENCE
-from fresco.core.texture.colour_correction import fit_correction
-from fresco.core.texture.colour_difference import colour_difference, lab_to_linear, linear_to_lab
+from fresco.core.texture.colour.colour_chart import REFERENCE
+from fresco.core.texture.colour.correction import fit_correction
+from fresco.core.texture.colour.difference import colour_difference, lab_to_linear, linear_to_lab
 
 CAST = np.array([[0.62, 0.10, 0.02], [0.06, 0.50, 0.05], [0.01, 0.12, 0.33]])
 

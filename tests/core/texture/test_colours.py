@@ -5,8 +5,8 @@ import pytest
 from fresco.core.errors import TextureError
 from fresco.core.geometry.meshes import vertex_normals
 from fresco.core.texture import level_seams, select_views
-from fresco.core.texture.colours import colour_vertices, select_views_for_points
-from fresco.core.texture.images import to_bytes, to_srgb
+from fresco.core.texture.models.colours import colour_vertices, select_views_for_points
+from fresco.core.texture.views.images import to_bytes, to_srgb
 from painted_scenes import box_mesh, grid_mesh, join, paint, wall_views
 
 WALL = grid_mesh(40, 30)

@@ -10,10 +10,11 @@ import pytest
 from fresco.core.geometry.rigid import exp_so3
 from fresco.core.photos import Exif
 from fresco.core.settings import TextureSettings
-from fresco.core.texture import focus_range, select_views
-from fresco.core.texture.focus_range import focus_from_exif, sharp_range, window_measure
+from fresco.core.texture import select_views
 from fresco.core.texture.surface import Surface
-from fresco.core.texture.visibility import visible_faces
+from fresco.core.texture.views import focus_range
+from fresco.core.texture.views.focus_range import focus_from_exif, sharp_range, window_measure
+from fresco.core.texture.views.visibility import visible_faces
 from painted_scenes import detailed, grid_mesh, wall_views
 
 WALL = grid_mesh(60, 45, 6.0, 4.5)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fresco.core.settings import TextureSettings
 from fresco.core.texture import select_views
-from fresco.core.texture.images import to_bytes, to_linear, to_srgb
+from fresco.core.texture.views.images import to_bytes, to_linear, to_srgb
 from painted_scenes import grid_mesh, wall_views
 
 WALL = grid_mesh(32, 24)

@@ -13,9 +13,9 @@ from fresco.core.geometry.meshes import face_normals
 from fresco.core.photos import View
 from fresco.core.settings import TextureSettings
 from fresco.core.texture import select_views, split_large_faces
-from fresco.core.texture.memory import photo_bytes
 from fresco.core.texture.surface import Surface
-from fresco.core.texture.survey import survey_photo
+from fresco.core.texture.views.memory import photo_bytes
+from fresco.core.texture.views.survey import survey_photo
 from painted_scenes import box_mesh, grid_mesh, join, look_at, wall_views
 
 WALL = grid_mesh(24, 18)

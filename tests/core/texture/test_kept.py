@@ -10,9 +10,10 @@ import pytest
 from fresco.core.errors import OutputError, PhotoError, TextureError
 from fresco.core.jobs import drain
 from fresco.core.settings import TextureSettings
-from fresco.core.texture import Selection, select_views, select_views_job, survey
-from fresco.core.texture.kept import KeptPhotos
-from fresco.core.texture.memory import GIB, plan_memory
+from fresco.core.texture import Selection, select_views, select_views_job
+from fresco.core.texture.views import survey
+from fresco.core.texture.views.kept import KeptPhotos
+from fresco.core.texture.views.memory import GIB, plan_memory
 from painted_scenes import grid_mesh, wall_views
 
 WALL = grid_mesh(24, 18)

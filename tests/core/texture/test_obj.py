@@ -113,7 +113,7 @@ def test_an_older_file_survives_a_failure(tmp_path, textured, monkeypatch):
     views, selection = textured
     target = write_obj(tmp_path / "m.obj", *WALL, selection, views)
     before = target.read_bytes()
-    import fresco.core.texture.obj as module
+    import fresco.core.texture.models.obj as module
 
     def full_disk(*_):
         raise OSError(28, "No space left on device")

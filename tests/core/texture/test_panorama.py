@@ -9,10 +9,10 @@ from fresco.core.cameras import EquirectangularCamera
 from fresco.core.photos import View
 from fresco.core.settings import TextureSettings
 from fresco.core.texture import select_views, write_obj
-from fresco.core.texture.colours import colour_vertices
-from fresco.core.texture.images import to_bytes, to_srgb
+from fresco.core.texture.models.colours import colour_vertices
+from fresco.core.texture.models.render import render_view
 from fresco.core.texture.quality import psnr
-from fresco.core.texture.render import render_view
+from fresco.core.texture.views.images import to_bytes, to_srgb
 from painted_scenes import box_mesh, look_at, paint, photograph
 
 ROOM = box_mesh((-3.0, -1.6, -2.5), (3.0, 1.4, 2.5), 18)

@@ -4,7 +4,7 @@ import threading
 import time
 
 import pytest
-from fresco.core.texture.parallel import map_ahead
+from fresco.core.texture.views.parallel import map_ahead
 
 
 @pytest.mark.parametrize("threads", [1, 3])

@@ -9,8 +9,7 @@ from fresco.core.errors import TextureError
 from fresco.core.geometry.rigid import exp_so3
 from fresco.core.jobs import drain
 from fresco.core.photos.view import View
-from fresco.core.texture.quality import image_offset, psnr
-from fresco.core.texture.render import (
+from fresco.core.texture.models.render import (
     apply_gain,
     render_view,
     render_view_job,
@@ -18,6 +17,7 @@ from fresco.core.texture.render import (
     shade_faces,
     trace_pixels_job,
 )
+from fresco.core.texture.quality import image_offset, psnr
 
 
 def camera(focal=300.0, distortion=(-0.12, 0.05, 0.001, -0.002)):

@@ -92,8 +92,8 @@ def test_the_texture_of_a_simplified_mesh_shows_the_relief_of_the_detailed_one(t
 def _paint_error(atlas, flat, selection, detail):
     """RMS difference (linear) between the atlas and the paint of the detailed wall straight beneath."""
     import cv2
-    from fresco.core.texture.images import to_linear
-    from fresco.core.texture.raster import rasterise
+    from fresco.core.texture.models.raster import rasterise
+    from fresco.core.texture.views.images import to_linear
 
     page = to_linear(cv2.imread(str(atlas.paths[0]))[..., ::-1])
     chosen = np.flatnonzero((selection.view >= 0) & (atlas.layout.page == 0))

@@ -6,7 +6,7 @@ from fresco.core.cameras import FisheyeCamera, PerspectiveCamera
 from fresco.core.geometry.meshes import face_normals
 from fresco.core.photos import View
 from fresco.core.texture import split_large_faces
-from fresco.core.texture.split import _meet
+from fresco.core.texture.models.split import _meet
 from painted_scenes import grid_mesh, look_at
 
 

@@ -5,9 +5,9 @@ import pytest
 from fresco.core.cameras import CatadioptricCamera, EquirectangularCamera, FisheyeCamera, PerspectiveCamera
 from fresco.core.photos import View
 from fresco.core.settings import TextureSettings
-from fresco.core.texture.frustum import Frustum, blocks_in_view
 from fresco.core.texture.surface import Surface, used_vertices
-from fresco.core.texture.visibility import visible_faces
+from fresco.core.texture.views.frustum import Frustum, blocks_in_view
+from fresco.core.texture.views.visibility import visible_faces
 from painted_scenes import box_mesh, grid_mesh, join, look_at
 
 CAMERAS = {

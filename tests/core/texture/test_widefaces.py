@@ -6,7 +6,7 @@ from fresco.core.cameras import CatadioptricCamera, EquirectangularCamera, Fishe
 from fresco.core.geometry.rigid import exp_so3
 from fresco.core.photos import View
 from fresco.core.texture import split_large_faces
-from fresco.core.texture.widefaces import LensCurvature, WideFaces
+from fresco.core.texture.models.widefaces import LensCurvature, WideFaces
 
 CAMERAS = {
     "perspective": PerspectiveCamera(6000, 4000, [[3000, 0, 2999.5], [0, 3000, 1999.5], [0, 0, 1]]),

@@ -1,0 +1,1 @@
+"""Regions in a photo: the wand and what it looks at, snapping, GrabCut, proposals."""

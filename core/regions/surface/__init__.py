@@ -1,0 +1,1 @@
+"""Regions on the scan: the wand over faces or points, its index, openings, files, proposals."""

@@ -1,0 +1,1 @@
+"""Colours that agree: gains, seams levelled and blended, colour charts."""

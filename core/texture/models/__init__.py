@@ -1,0 +1,1 @@
+"""Models to deliver: atlases, coloured points, simplified meshes, OBJ, pictures."""
