@@ -35,7 +35,9 @@ _UP_IN_PIXELS = {1: (0.0, -1.0), 3: (0.0, 1.0), 6: (-1.0, 0.0), 8: (1.0, 0.0)}
 class Exif:
     """EXIF data of a photo; None where the photo does not say.
 
-    Lengths in mm, `focus_distance` in m, `gps` (latitude, longitude in degrees, height in m or NaN).
+    Lengths in mm, `focus_distance` in m, `gps` (latitude, longitude in degrees, height in m or NaN),
+    `gps_sigma` its horizontal error in m, `heading` where the camera looked, degrees clockwise from north:
+    true north, or the compass'.
     `pixel_pitch` is the distance of sensor pixels in mm at the size `pixel_width` (focal plane resolution).
     """
 
@@ -54,6 +56,9 @@ class Exif:
     pixel_width: int | None = None
     orientation: int = 1
     gps: tuple[float, float, float] | None = None
+    gps_sigma: float | None = None
+    heading: float | None = None
+    heading_is_true: bool = False
 
     @property
     def up(self) -> tuple[float, float] | None:
@@ -123,6 +128,9 @@ def _exif(tags: Mapping[str, Any]) -> Exif:
         pixel_width=_longer_side(tags),
         orientation=int(_positive(tags, "Image Orientation") or 1),
         gps=_gps(tags),
+        gps_sigma=_positive(tags, "GPS GPSHPositioningError") or _positive(tags, "GPS Tag 0x001F"),
+        heading=next(iter(_numbers(tags, "GPS GPSImgDirection")), None),
+        heading_is_true=_text(tags, "GPS GPSImgDirectionRef").upper() == "T",
     )
 
 

@@ -1,0 +1,173 @@
+"""How latitude and longitude lie in the world of the scan: by its coordinate system, or by solved photos."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pyproj
+
+from ..arrays import FloatArray
+from ..errors import PhotoError
+from .position import Position
+
+_WGS84 = "EPSG:4326"
+_GEOID = 50.0  # m: heights above the sea and above the ellipsoid differ by up to twice as much
+_METRE = 1.0
+_LEAST_CONCENTRATION = 4.0  # 1/rad²: below, the turn is uncertain by more than half a radian
+
+
+@dataclass(frozen=True, eq=False)
+class Georeference:
+    """A map projection, and how its plane is turned and moved into the world of the scan.
+
+    world (x, y) = `shift` + turn(`turn`) ((east, north) - `anchor`), z = height + `height_shift`; metres,
+    `turn` in rad anticlockwise. `sigma`, `height_sigma` (m) and `turn_sigma` (rad) are standard deviations.
+    """
+
+    projection: pyproj.Transformer
+    anchor: FloatArray
+    shift: FloatArray
+    turn: float
+    sigma: float
+    turn_sigma: float
+    height_shift: float
+    height_sigma: float
+
+    def place(self, position: Position) -> tuple[FloatArray, FloatArray]:
+        """Place (2,) m of a photo in the world's plane and its covariance (2,2) m²."""
+        away = _turned(_plane(self.projection, position) - self.anchor, self.turn)
+        across = np.array([-away[1], away[0]])
+        covariance = (position.sigma**2 + self.sigma**2) * np.eye(2)
+        return self.shift + away, covariance + self.turn_sigma**2 * np.outer(across, across)
+
+    def heading(self, position: Position, heading: float) -> float:
+        """Angle (rad) in the world's plane, clockwise from y, of a heading from true north (degrees)."""
+        return math.radians(heading) + _true_north(self.projection, position) - self.turn
+
+
+def georeference_from_epsg(code: int) -> Georeference:
+    """World of a scan whose coordinates are those of a projected system in metres, by its EPSG code.
+
+    Heights are taken as they are, to 50 m: scans have them above the sea, above the ellipsoid, or above a
+    point of their own. Raises PhotoError for a code that is none, or not of a projected system in metres.
+    """
+    advice = "give that of the scan's map projection, such as 25832 for UTM zone 32"
+    try:
+        system = pyproj.CRS.from_epsg(code)
+    except pyproj.exceptions.CRSError as error:
+        raise PhotoError(f"EPSG {code} is no coordinate system; {advice}") from error
+    axes = system.axis_info[:2]
+    if not system.is_projected or any(axis.unit_conversion_factor != _METRE for axis in axes):
+        raise PhotoError(f"EPSG {code} ({system.name}) is no map projection in metres; {advice}")
+    origin = np.zeros(2)
+    projection = pyproj.Transformer.from_crs(_WGS84, system, always_xy=True)
+    sigma = max(projection.accuracy, 1.0)  # -1 where it is not known
+    return Georeference(projection, origin, origin, 0.0, sigma, 0.0, 0.0, _GEOID)
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedPhoto:
+    """A photo whose pose and position are both known: camera centre (3,) m, viewing direction (3,), world."""
+
+    position: Position
+    centre: FloatArray
+    forward: FloatArray
+
+
+def georeference_from_photos(photos: Sequence[PlacedPhoto]) -> Georeference:
+    """World of a scan in a system of its own, from photos that are solved and tell their position.
+
+    Two photos that stand well apart, or one that tells its direction, give the turn about the vertical; z has
+    to point up. Source: least squares of turn and shift in the plane (Umeyama 1991 without scale), compass
+    directions added as von Mises observations, whose concentrations add up like vectors.
+
+    Raises
+    ------
+    PhotoError
+        No photos, or too close together for their errors.
+    """
+    if not photos:
+        raise PhotoError(
+            "How the photos' positions lie in the scan's coordinates is not known: give the EPSG code of the "
+            "scan (step 1), or solve two photos that tell their position."
+        )
+    projection = _local_projection(photos)
+    plane = np.array([_plane(projection, photo.position) for photo in photos])
+    centres = np.array([photo.centre[:2] for photo in photos])
+    weights = np.array([photo.position.sigma**-2.0 for photo in photos])
+    anchor, shift = np.average(plane, axis=0, weights=weights), np.average(centres, axis=0, weights=weights)
+    tells = _baselines(plane - anchor, centres - shift, weights)
+    tells += sum(_compass_turn(projection, photo) for photo in photos)
+    if abs(tells) < _LEAST_CONCENTRATION:
+        raise PhotoError(
+            "The solved photos stand too close together for the errors of their positions: solve one that "
+            "was taken farther away, or give the EPSG code of the scan (step 1)."
+        )
+    turn_sigma = 1 / math.sqrt(abs(tells))
+    rise, rise_sigma = _rise(photos)
+    sigma = float(weights.sum() ** -0.5)
+    turn = float(np.angle(tells))
+    return Georeference(projection, anchor, shift, turn, sigma, turn_sigma, rise, rise_sigma)
+
+
+def _baselines(plane: FloatArray, centres: FloatArray, weights: FloatArray) -> complex:
+    """Turn that centred places (n,2), (n,2) tell: its angle, and as length its concentration (1/rad²)."""
+    a, b = plane[:, 0] + 1j * plane[:, 1], centres[:, 0] + 1j * centres[:, 1]
+    return complex(np.sum(weights * np.conj(a) * b))
+
+
+def _compass_turn(projection: pyproj.Transformer, photo: PlacedPhoto) -> complex:
+    """Turn that a photo's direction tells, as `_baselines` gives it; 0 where it tells none."""
+    direction = photo.position.direction
+    level = float(np.hypot(*photo.forward[:2]))
+    if direction is None or level < 0.3:  # looks down: a heading is not that of the viewing ray
+        return 0.0
+    seen = math.atan2(photo.forward[0], photo.forward[1])  # clockwise from y
+    told = math.radians(direction.heading) + _true_north(projection, photo.position)
+    concentration = math.radians(direction.heading_sigma) ** -2.0
+    turn = told - seen
+    return complex(concentration * math.cos(turn), concentration * math.sin(turn))
+
+
+def _rise(photos: Sequence[PlacedPhoto]) -> tuple[float, float]:
+    """Height of the world's zero against the photos' heights, m, and its standard deviation."""
+    tells = [photo for photo in photos if math.isfinite(photo.position.height)]
+    if not tells:
+        return 0.0, math.inf
+    weights = [photo.position.height_sigma**-2.0 for photo in tells]
+    rises = [photo.centre[2] - photo.position.height for photo in tells]
+    return float(np.average(rises, weights=weights)), sum(weights) ** -0.5
+
+
+def _local_projection(photos: Sequence[PlacedPhoto]) -> pyproj.Transformer:
+    """Transverse Mercator around the photos, without scale in their middle."""
+    latitude = float(np.mean([photo.position.latitude for photo in photos]))
+    longitude = photos[0].position.longitude
+    local = {"proj": "tmerc", "lat_0": latitude, "lon_0": longitude, "k": 1, "datum": "WGS84"}
+    return pyproj.Transformer.from_crs(_WGS84, pyproj.CRS.from_dict(local), always_xy=True)
+
+
+def _plane(projection: pyproj.Transformer, position: Position) -> FloatArray:
+    """East and north (2,), m."""
+    plane = np.array(projection.transform(position.longitude, position.latitude), dtype=np.float64)
+    if not np.all(np.isfinite(plane)):
+        raise PhotoError(
+            f"{position.latitude:.4f}°, {position.longitude:.4f}° lies outside the scan's map projection: "
+            "check its EPSG code (step 1)."
+        )
+    return plane
+
+
+def _true_north(projection: pyproj.Transformer, position: Position) -> float:
+    """Angle (rad) from the projection's north to true north, clockwise: the meridian as it is drawn."""
+    latitudes = position.latitude + np.array([-1e-4, 1e-4])
+    east, north = projection.transform(np.full(2, position.longitude), latitudes)
+    return math.atan2(east[1] - east[0], north[1] - north[0])
+
+
+def _turned(vector: FloatArray, angle: float) -> FloatArray:
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return np.array([cosine * vector[0] - sine * vector[1], sine * vector[0] + cosine * vector[1]])
