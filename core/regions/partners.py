@@ -64,12 +64,12 @@ def propose_partners(
 
     Every region is used once at most.
     """
-    return _partners(
-        camera, rotation, translation, _Shapes(camera, image_regions), surface_regions, least_overlap
+    return partners_at(
+        camera, rotation, translation, Shapes(camera, image_regions), surface_regions, least_overlap
     )
 
 
-class _Shapes:
+class Shapes:
     """Masks of a photo's regions on a coarse grid, to compare projected regions with."""
 
     def __init__(self, camera: Camera, regions: Sequence[ImageRegion]) -> None:
@@ -89,14 +89,15 @@ class _Shapes:
         return [shared / max(area + own - shared, 1) for shared, own in zip(both, self.areas, strict=True)]
 
 
-def _partners(
+def partners_at(
     camera: Camera,
     rotation: ArrayLike,
     translation: ArrayLike,
-    shapes: _Shapes,
+    shapes: Shapes,
     surfaces: Sequence[SurfaceRegion],
     least: float,
 ) -> list[tuple[int, int, float]]:
+    """Partners at a pose that is known, as `propose_partners` gives them, `least` the overlap they need."""
     candidates = []
     for j, surface in enumerate(surfaces):
         try:
@@ -140,13 +141,13 @@ def propose_pairings_job(
         raise RegionError(
             f"{len(singles)} pairs are too many to try: choose at most ten regions on either side."
         )
-    shapes = _Shapes(camera, image_regions)
+    shapes = Shapes(camera, image_regions)
     guesses: dict[tuple[tuple[int, int], ...], tuple[float, PairingProposal]] = {}
     for number, (i, j) in enumerate(singles):
         yield Progress(0.8 * number / len(singles), f"Trying pair {number + 1} of {len(singles)}")
         pose = _solved(solve, [image_regions[i]], [surface_regions[j]])
         for guess in (pose, *pose.alternatives) if pose else ():
-            found = _partners(camera, guess.rotation, guess.translation, shapes, surface_regions, _LEAST)
+            found = partners_at(camera, guess.rotation, guess.translation, shapes, surface_regions, _LEAST)
             pairs = tuple(sorted((a, b) for a, b, _ in found)) or ((i, j),)
             support = sum(share for _, _, share in found)
             if support > guesses.get(pairs, (0.0, None))[0]:
