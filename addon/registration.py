@@ -22,6 +22,7 @@ from .operators import (
     regions,
     scan,
     texture,
+    transfer,
 )
 from .overlays import registration as overlays
 from .panels import base as base_panel
@@ -50,6 +51,7 @@ _MODULES = (
     mending,
     proposals,
     partners,
+    transfer,
     pose,
     points,
     refine,

@@ -30,6 +30,7 @@ from ..core.settings import (
 Settings = TypeVar("Settings")
 NONE = -1
 """Blender's number for None in settings that may have none."""
+_LABELS = {"epsg": "EPSG"}
 
 
 def field_texts(dataclass: type) -> dict[str, str]:
@@ -66,7 +67,7 @@ def _property(field: dataclasses.Field[Any], kind: Any, text: str) -> Any:
             f"{text.rstrip('.')}; {NONE} is none",
         )
     common = {
-        "name": field.name.replace("_", " ").capitalize(),
+        "name": _LABELS.get(field.name, field.name.replace("_", " ").capitalize()),
         "description": " ".join(text.split()).rstrip("."),
     }
     if typing.get_origin(kind) is typing.Literal:

@@ -262,7 +262,9 @@ class ProposalsPanel:
         row = column.row(align=True)
         row.operator("fresco.propose_surface", text="Scan", icon="MESH_PLANE")
         row.operator("fresco.propose_photo", text="Photo", icon="IMAGE_DATA")
-        column.operator("fresco.propose_partners", icon="LINKED")
+        row = column.row(align=True)
+        row.operator("fresco.propose_partners", icon="LINKED")
+        row.operator_menu_enum("fresco.propose_partners", "guide", text="", icon="DOWNARROW_HLT")
         column.operator_menu_enum("fresco.transfer_regions", "rough", icon="UV_SYNC_SELECT")
         if not marking.proposals:
             return

@@ -36,6 +36,7 @@ class FRESCO_PT_scan(StepPanel, bpy.types.Panel):
             draw_text(column, context, "Import a scan, or choose a mesh of this scene.", icon="INFO")
             return
         draw_numbers(layout, context, fresco.scan)
+        layout.prop(fresco.scan_settings, "epsg")
         row = layout.row()
         row.label(text=f"{len(occluder_objects(context.scene))} occluders", icon="MOD_BOOLEAN")
         row.operator("fresco.add_occluders", text="Add Selected", icon="ADD")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pyproj
@@ -66,6 +66,18 @@ def georeference_from_epsg(code: int) -> Georeference:
     projection = pyproj.Transformer.from_crs(_WGS84, system, always_xy=True)
     sigma = max(projection.accuracy, 1.0)  # -1 where it is not known
     return Georeference(projection, origin, origin, 0.0, sigma, 0.0, 0.0, _GEOID)
+
+
+def georeference(epsg: int | None, photos: Sequence[PlacedPhoto]) -> Georeference:
+    """World of a scan by its EPSG code where it is known, else by solved photos; heights always by these.
+
+    Raises PhotoError when neither tells it.
+    """
+    if epsg is None:
+        return georeference_from_photos(photos)
+    world = georeference_from_epsg(epsg)
+    rise, sigma = _rise(photos)
+    return replace(world, height_shift=rise, height_sigma=sigma) if math.isfinite(sigma) else world
 
 
 @dataclass(frozen=True, eq=False)

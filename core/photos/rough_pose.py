@@ -19,6 +19,7 @@ from .position import Direction, Position
 
 _STEP = 0.25  # share of the distance to the scan by which the next photo's centre may differ
 _NEXT_HEADING, _NEXT_PITCH, _NEXT_ROLL = 12.0, 8.0, 3.0  # degrees by which the next photo may be turned
+_KNOWN, _BY_HAND = (0.5, 0.01), (3.0, 0.05)  # degrees and share of the distance
 _LEAST_TURN = 15.0  # degrees: a photo of the scan need not show its middle in its middle
 _FAR = 20_000.0  # m: no photo shows a scan from there
 _MOST_TURN = 60.0  # degrees: from here on the direction to the scan tells nothing
@@ -90,6 +91,22 @@ def pose_like_neighbour(
     covariance[:3, :3] = _turn_covariance(turn, level, 0.0)
     covariance[3:, 3:] = (_STEP * distance) ** 2 / 3 * np.eye(3)
     return RoughPose(turn, shift, covariance, f"like {name}")
+
+
+def pose_as_known(
+    rotation: ArrayLike, translation: ArrayLike, covariance: ArrayLike | None, bounds: ArrayLike
+) -> RoughPose:
+    """Rough pose by one that was solved or placed by hand, which may be less sure than it says.
+
+    Half a degree and 1 % of the distance to the scan come to its covariance; three degrees and 5 % without.
+    """
+    turn, shift = np.asarray(rotation, dtype=np.float64), np.asarray(translation, dtype=np.float64)
+    told = np.full((6, 6), np.nan) if covariance is None else np.asarray(covariance, dtype=np.float64)
+    known = bool(np.all(np.isfinite(told)))
+    degrees, share = _KNOWN if known else _BY_HAND
+    away = float(np.linalg.norm(camera_centre(turn, shift) - np.asarray(bounds).mean(axis=0)))
+    doubt = np.diag([math.radians(degrees) ** 2] * 3 + [(share * away) ** 2] * 3)
+    return RoughPose(turn, shift, told + doubt if known else doubt, "its pose")
 
 
 def _height(position: Position, world: Georeference, box: FloatArray) -> tuple[float, float]:

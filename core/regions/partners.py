@@ -1,4 +1,4 @@
-"""Which region of the photo is which of the scan: by a rough pose, or by trying.
+"""Which region of the photo is which of the scan, without a pose: by trying.
 
 Nothing here is taken without asking: every proposal carries its score.
 """
@@ -52,23 +52,6 @@ class PairingProposal:
     pose: _Solved
 
 
-def propose_partners(
-    camera: Camera,
-    rotation: ArrayLike,
-    translation: ArrayLike,
-    image_regions: Sequence[ImageRegion],
-    surface_regions: Sequence[SurfaceRegion],
-    least_overlap: float = 0.3,
-) -> list[tuple[int, int, float]]:
-    """Partners by projecting with a rough pose: (image region, surface region, overlap 0..1), best first.
-
-    Every region is used once at most.
-    """
-    return partners_at(
-        camera, rotation, translation, Shapes(camera, image_regions), surface_regions, least_overlap
-    )
-
-
 class Shapes:
     """Masks of a photo's regions on a coarse grid, to compare projected regions with."""
 
@@ -97,7 +80,10 @@ def partners_at(
     surfaces: Sequence[SurfaceRegion],
     least: float,
 ) -> list[tuple[int, int, float]]:
-    """Partners at a pose that is known, as `propose_partners` gives them, `least` the overlap they need."""
+    """Partners at a pose: (image region, surface region, overlap 0..1), best first.
+
+    Every region is used once at most; `least` is the overlap that partners need.
+    """
     candidates = []
     for j, surface in enumerate(surfaces):
         try:

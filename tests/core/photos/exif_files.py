@@ -40,12 +40,37 @@ def exif_block(tags, pointers):
     return b"Exif\0\0" + blob + extra
 
 
+def with_exif(data, tags=None, exif=None, gps=None):
+    """JPEG (bytes) with EXIF tags of the image, the exposure and the position."""
+    pointers = ({0x8769: exif} if exif else {}) | ({0x8825: gps} if gps else {})
+    if not tags and not pointers:
+        return data
+    block = exif_block(tags or {}, pointers)
+    return data[:2] + b"\xff\xe1" + struct.pack(">H", len(block) + 2) + block + data[2:]
+
+
 def photo_file(path, width=90, height=60, tags=None, exif=None, gps=None):
     rng = np.random.default_rng(1)
     data = cv2.imencode(".jpg", rng.integers(0, 255, (height, width, 3), dtype=np.uint8))[1].tobytes()
-    pointers = ({0x8769: exif} if exif else {}) | ({0x8825: gps} if gps else {})
-    if tags or pointers:
-        block = exif_block(tags or {}, pointers)
-        data = data[:2] + b"\xff\xe1" + struct.pack(">H", len(block) + 2) + block + data[2:]
-    path.write_bytes(data)
+    path.write_bytes(with_exif(data, tags, exif, gps))
     return path
+
+
+def degrees(value):
+    """Degrees, minutes and seconds of an angle as EXIF has them."""
+    whole = int(value)
+    return [(whole, 1), (0, 1), (round((value - whole) * 3600 * 1000), 1000)]
+
+
+def position_tags(latitude, longitude, height=530.2, heading=None, true=True, error=None):
+    """Tags of a place (north, east), metres above the sea, heading in degrees, and its error in m."""
+    gps = {
+        1: (TEXT, "N"),
+        2: (RATIO, degrees(latitude)),
+        3: (TEXT, "E"),
+        4: (RATIO, degrees(longitude)),
+        6: (RATIO, [(round(height * 10), 10)]),
+    }
+    if heading is not None:
+        gps |= {0x10: (TEXT, "T" if true else "M"), 0x11: (RATIO, [(round(heading * 10), 10)])}
+    return gps if error is None else gps | {0x1F: (RATIO, [(round(error * 10), 10)])}

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from exif_files import RATIO, SHORT, TEXT, photo_file
+from exif_files import SHORT, photo_file, position_tags
 from fresco.core.errors import PhotoError
 from fresco.core.geometry.rigid import camera_centre, rotation_angle
 from fresco.core.photos import read_exif
@@ -21,32 +21,12 @@ HERE = Position(48.1, 11.5, 530.0, 4.0, 8.0)
 """686121.76 m east, 5330438.13 m north in UTM zone 32, some metres south of the box."""
 
 
-def degrees(value):
-    whole = int(value)
-    return [(whole, 1), (0, 1), (round((value - whole) * 3600 * 1000), 1000)]
-
-
-def tags(latitude, longitude, **more):
-    gps = {
-        1: (TEXT, "N"),
-        2: (RATIO, degrees(latitude)),
-        3: (TEXT, "E"),
-        4: (RATIO, degrees(longitude)),
-        6: (RATIO, [(5302, 10)]),
-    }
-    optional = {"direction": (0x11, RATIO), "kind": (0x10, TEXT), "error": (0x1F, RATIO)}
-    for name, value in more.items():
-        tag, kind = optional[name]
-        gps[tag] = kind, value
-    return gps
-
-
 def read(path):
     return read_position(path, read_exif(path))
 
 
 def test_position_and_compass_of_a_phone(tmp_path):
-    gps = tags(48.1, 11.5, direction=[(2705, 10)], kind="T", error=[(65, 10)])
+    gps = position_tags(48.1, 11.5, heading=270.5, error=6.5)
     found = read(photo_file(tmp_path / "a.jpg", tags={0x112: (SHORT, 6)}, gps=gps))
     assert (found.latitude, found.longitude) == pytest.approx((48.1, 11.5), abs=1e-6)
     assert (found.height, found.sigma, found.height_sigma) == (530.2, 6.5, 13.0)
@@ -54,11 +34,11 @@ def test_position_and_compass_of_a_phone(tmp_path):
 
 
 def test_magnetic_directions_are_less_sure_and_places_without_fix_are_none(tmp_path):
-    magnetic = read(photo_file(tmp_path / "m.jpg", gps=tags(48.1, 11.5, direction=[(90, 1)], kind="M")))
-    true = read(photo_file(tmp_path / "t.jpg", gps=tags(48.1, 11.5, direction=[(90, 1)], kind="T")))
+    magnetic = read(photo_file(tmp_path / "m.jpg", gps=position_tags(48.1, 11.5, heading=90, true=False)))
+    true = read(photo_file(tmp_path / "t.jpg", gps=position_tags(48.1, 11.5, heading=90)))
     assert magnetic.direction.heading_sigma > true.direction.heading_sigma
-    assert read(photo_file(tmp_path / "n.jpg", gps=tags(48.1, 11.5))).direction is None
-    assert read(photo_file(tmp_path / "zero.jpg", gps=tags(0.0, 0.0))) is None
+    assert read(photo_file(tmp_path / "n.jpg", gps=position_tags(48.1, 11.5))).direction is None
+    assert read(photo_file(tmp_path / "zero.jpg", gps=position_tags(0.0, 0.0))) is None
     assert read(photo_file(tmp_path / "none.jpg")) is None
 
 
@@ -76,14 +56,14 @@ DRONE = """<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3
 
 
 def test_a_drone_tells_its_gimbal_and_how_sure_its_position_is(tmp_path):
-    found = read(with_packet(photo_file(tmp_path / "d.jpg", gps=tags(48.1, 11.5)), DRONE))
+    found = read(with_packet(photo_file(tmp_path / "d.jpg", gps=position_tags(48.1, 11.5)), DRONE))
     assert (found.direction.heading, found.direction.pitch, found.direction.roll) == (-93.5, -30, 0)
     assert (found.sigma, found.height_sigma) == (0.031, 0.05)
 
 
 @pytest.mark.parametrize("packet", [DRONE[:300] + "</x:xmpmeta>", "<!ENTITY a 'b'>".join(DRONE.split("\n"))])
 def test_damaged_packets_count_as_none(tmp_path, packet):
-    found = read(with_packet(photo_file(tmp_path / "d.jpg", gps=tags(48.1, 11.5)), packet))
+    found = read(with_packet(photo_file(tmp_path / "d.jpg", gps=position_tags(48.1, 11.5)), packet))
     assert found.direction is None and found.sigma == 5.0
 
 

@@ -5,17 +5,17 @@ from fresco.core.geometry.rigid import exp_so3
 from fresco.core.jobs import Progress, drain
 from fresco.core.pose import estimate_pose
 from fresco.core.regions import ImageRegion
-from fresco.core.regions.partners import propose_pairings_job, propose_partners
+from fresco.core.regions.partners import Shapes, partners_at, propose_pairings_job
 from photo_scenes import CAMERA, SHIFT, SURFACES, TURN, rectangle
 
 
-def test_partners_are_found_by_projecting_with_a_rough_pose():
+def test_partners_at_a_pose_overlap_and_what_is_behind_the_camera_has_none():
     images = [
         ImageRegion.from_polygon(CAMERA.project(s.vertices @ TURN.T + SHIFT)) for s in reversed(SURFACES)
     ]
     rough = exp_so3([0.02, 0.01, 0]) @ TURN
     behind = rectangle(0, 0, 1, 1, depth=-50)
-    pairs = propose_partners(CAMERA, rough, SHIFT, images, [*SURFACES, behind])
+    pairs = partners_at(CAMERA, rough, SHIFT, Shapes(CAMERA, images), [*SURFACES, behind], 0.3)
     assert {(i, j) for i, j, _ in pairs} == {(0, 1), (1, 0)}
     assert all(0.5 < share < 1 for _, _, share in pairs)
 
