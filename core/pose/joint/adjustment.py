@@ -90,15 +90,15 @@ class Problem:
 
     def _sight(self, network: Network) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Errors (M,2) px of the sightings, derivative (M,2,3) by camera points, camera points (M,3)."""
-        in_camera = _in_camera(network, self.tracks)
-        pixel, by_point = reprojection(self.tracks.rays, self.tracks.to_pixels, in_camera)
+        towards = in_camera(network, self.tracks)
+        pixel, by_point = reprojection(self.tracks.rays, self.tracks.to_pixels, towards)
         if self.lenses.count:
             # with rays of the unchanged lens a longer focal length would shrink residuals and win for that
             changed = self.lenses.changed(network.lenses)
-            exact, exact_by_point = changed.reprojection(self.tracks.view, self.tracks.pixels, in_camera)
+            exact, exact_by_point = changed.reprojection(self.tracks.view, self.tracks.pixels, towards)
             known = np.isfinite(exact).all(axis=1)
             pixel[known], by_point[known] = exact[known], exact_by_point[known]
-        return pixel, by_point, in_camera
+        return pixel, by_point, towards
 
     def _scan_residuals(self, network: Network) -> FloatArray:
         away = np.einsum("tk,tk->t", network.points - self.ties.feet, self.ties.normals)
@@ -108,17 +108,17 @@ class Problem:
     def linearise(self, network: Network) -> System:
         """Normal equations at a network, robustly weighted."""
         tracks, count = self.tracks, len(network.centres)
-        pixel, by_point, in_camera = self._sight(network)
+        pixel, by_point, towards = self._sight(network)
         white = 1.0 / (self.noise.pixel * tracks.size)
         squared = np.einsum("mi,mi->m", pixel, pixel) * white**2
         cost, weight = _robust(squared)
         weight = weight * white**2
         rotations = network.rotations[tracks.view]
-        by_camera = by_point @ _camera_jacobians(rotations, in_camera)
+        by_camera = by_point @ _camera_jacobians(rotations, towards)
         by_world = by_point @ rotations
         if self.lenses.count:
             # where the point is, not where it was seen: slopes that share the residuals' noise are biased
-            slopes = self.lenses.changed(network.lenses).slopes(tracks.view, in_camera)
+            slopes = self.lenses.changed(network.lenses).slopes(tracks.view, towards)
             by_camera = np.concatenate([by_camera, slopes], axis=2)
         weighted = by_camera * weight[:, None, None]
         weighted_world = by_world * weight[:, None, None]
@@ -229,7 +229,7 @@ def estimate_noise(problem: Problem, network: Network) -> Noise:
     scan_sigma = (
         problem.noise.scan * 1.483 * float(np.median(normal_scan)) if tied.any() else problem.noise.scan
     )
-    return Noise(float(np.clip(pixel, 0.05, 5.0)), float(np.clip(scan_sigma, 1e-4, 0.2)))
+    return Noise(float(np.clip(pixel, 0.02, 5.0)), float(np.clip(scan_sigma, 1e-4, 0.2)))
 
 
 def _spent_on_scan(problem: Problem, system: System) -> FloatArray:
@@ -244,7 +244,7 @@ def _spent_on_scan(problem: Problem, system: System) -> FloatArray:
 def without_outliers(problem: Problem, network: Network, limit: float) -> tuple[Problem, Network]:
     """Drop sightings and tracks with whitened residuals beyond `limit`."""
     sight, scan = problem.residuals(network)
-    in_front = np.einsum("mk,mk->m", _in_camera(network, problem.tracks), problem.tracks.rays) > 0
+    in_front = np.einsum("mk,mk->m", in_camera(network, problem.tracks), problem.tracks.rays) > 0
     kept = (sight < limit) & in_front & (scan < limit)[problem.tracks.track]
     return _selected(problem, network, kept)
 
@@ -256,14 +256,15 @@ def _selected(problem: Problem, network: Network, kept: BoolArray) -> tuple[Prob
     return replace(problem, tracks=tracks, ties=ties), replace(network, points=network.points[seen])
 
 
-def _in_camera(network: Network, tracks: Tracks) -> FloatArray:
+def in_camera(network: Network, tracks: Tracks) -> FloatArray:
+    """Points of the sightings in their cameras: (M,3)."""
     away = network.points[tracks.track] - network.centres[tracks.view]
     out: FloatArray = np.einsum("mij,mj->mi", network.rotations[tracks.view], away)
     return out
 
 
-def _camera_jacobians(rotations: FloatArray, in_camera: FloatArray) -> FloatArray:
-    out = camera_point_jacobian(np.eye(3), in_camera)
+def _camera_jacobians(rotations: FloatArray, towards: FloatArray) -> FloatArray:
+    out = camera_point_jacobian(np.eye(3), towards)
     out[:, :, 3:] = -rotations
     return out
 

@@ -14,11 +14,13 @@ from ...photos.view import View
 from ...settings import JointSettings
 from ..points.perturbation import camera_points, invert_scaled
 from ..points.pictures import view_name
-from .adjustment import Network, Prior
+from .adjustment import Network, Prior, Problem
 from .features import Features, Hits, Surface, meet_scan, resighted
 from .lens import Lenses
 from .matching import choose_pairs_job, match_closely, match_roughly
 from .solution import Solution, solve_network_job
+from .templates import place_sightings_job
+from .tracks import Tracks
 
 ASTRAY = np.radians(2.0)
 """Angle (rad) within which a feature is looked for at first, however sure the poses are said to be."""
@@ -108,9 +110,25 @@ class Group:
         medians = [np.concatenate([*d, np.zeros(0)]) for d in distances]
         return np.array([np.median(m[np.isfinite(m)]) if np.isfinite(m).any() else np.nan for m in medians])
 
-    def solve_job(self, network: Network, prior: Prior, matches: Matches) -> Job[Solution]:
-        """Adjust poses and free lenses to matches, from the poses of a network."""
+    def solve_job(self, network: Network, prior: Prior, matches: Matches, exactly: bool) -> Job[Solution]:
+        """Adjust poses and free lenses to matches, from the poses of a network.
+
+        `exactly`: what the photos show around each tie places it, not the feature.
+        """
         hits = self.hits(network)
         return solve_network_job(
-            network, prior, self.features, hits, matches, self.surface, self.lenses, self.settings
+            network,
+            prior,
+            self.features,
+            hits,
+            matches,
+            self.surface,
+            self.lenses,
+            self.settings,
+            self._place_job if exactly else None,
         )
+
+    def _place_job(self, problem: Problem, network: Network) -> Job[Tracks]:
+        changed = replace(self, lenses=self.lenses.changed(network.lenses))
+        cameras = [changed.camera(i) for i in range(len(self.views))]
+        return place_sightings_job(self.views, cameras, problem, network, self.settings.photo_size)

@@ -99,7 +99,9 @@ def refine_poses_jointly_job(
         if stage == 1:
             group = replace(group, lenses=shared_lenses(views, adjust_lenses, settings))
         matches = yield from part(group.match_job(network, radius, stage == 0), low, low + 0.11)
-        solution = yield from part(group.solve_job(network, prior, matches), low + 0.11, low + 0.17)
+        solution = yield from part(
+            group.solve_job(network, prior, matches, exactly=stage == 2), low + 0.11, low + 0.17
+        )
         network, group = solution.network, group.with_lenses(group.lenses.changed(solution.network.lenses))
     adjusted = _Adjusted(group, prior, solution, matches)
     if adjust_lenses:
@@ -191,7 +193,8 @@ def _sure_lenses_job(adjusted: _Adjusted) -> Job[_Adjusted]:
             return adjusted
         worst = max(open_ones, key=lambda k: open_ones[k])
         group = group.with_lenses(group.lenses.kept(worst))
-        solution = yield from group.solve_job(adjusted.solution.network, adjusted.prior, adjusted.matches)
+        job = group.solve_job(adjusted.solution.network, adjusted.prior, adjusted.matches, exactly=True)
+        solution = yield from job
         group = group.with_lenses(group.lenses.changed(solution.network.lenses))
         refused = {**adjusted.refused, worst: fits[worst]}
         adjusted = replace(adjusted, group=group, solution=solution, refused=refused)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,6 +34,10 @@ ROUNDS = 4
 
 PARTS = 8
 """Parts of a patch's side to which ties are gathered when those around are counted."""
+
+
+Place = Callable[[Problem, Network], Job[Tracks]]
+"""What puts the sightings of a problem where photos show the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +72,12 @@ def solve_network_job(
     surface: Surface,
     lenses: Lenses,
     settings: JointSettings,
+    place: Place | None = None,
 ) -> Job[Solution]:
     """Adjust all poses, and the lenses that are free, to matches {(i, j): (M,2)} between photos' features.
 
     The features' rays are those of the lenses as changed so far; the network's `lenses` are further changes.
+    `place`: makes sightings more exact once the first outliers are gone.
     """
     tracks = _held_tracks(build_tracks(features, matches), hits, len(features), settings)
     points = tracks.first_points(hits)
@@ -89,6 +95,9 @@ def solve_network_job(
         problem, network = without_outliers(problem, network, limit)
         if problem.tracks.count:
             problem = replace(problem, noise=estimate_noise(problem, network))
+        if number == 0 and place:
+            placed = yield from part(place(problem, network), 1 / ROUNDS, 2 / ROUNDS)
+            problem = replace(problem, tracks=placed)
     return Solution(problem, network)
 
 
