@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,8 +24,17 @@ GRAIN = 0.14
 JOINED = (1, 2, 4, 8, 16)
 """How many of the shortest stretches of boundary may hang together."""
 
-LEAST_STRETCHES = 3
+SCATTERING = 3.0
 """Stretches per unknown below which their scatter says nothing."""
+
+ALIKE = 1.5
+"""Stretches per unknown below which not even their common variance shows."""
+
+USUAL_OFFSET = 0.3
+"""Standard deviation of what a whole stretch is off, before any is measured, in scales of the weights."""
+
+USUAL_WORTH = 6.0
+"""Measured stretches that this counts as much as."""
 
 OPEN = 1e-9
 """Least eigenvalue of a normal matrix with unit diagonal up to which a direction is not held at all."""
@@ -43,56 +53,98 @@ def moment_covariance(
     return squares / (equations - 6) * stable_inverse(normal)
 
 
-def outline_covariance(
-    pairs: Sequence[ContourPair], matches: Sequence[Match], scale: float, bias: float
-) -> FloatArray:
+def outline_covariance(pairs: Sequence[ContourPair], matches: Sequence[Match], scale: float) -> FloatArray:
     """Covariance (P,P) of (turn about the origin, shift, lens) from the distances left between outlines.
 
     Errors hang together along a stretch of boundary, so that stretches, not samples, count as independent:
-    the sandwich `H⁻¹ (Σ g gᵀ) H⁻¹` with one gradient g per stretch, plus the grain of the pixels and a `bias`
-    (px) that whole stretches may have. H is the weighted `JᵀJ`, less what Geman-McClure weights lose of their
-    slope at the distances met. How long stretches are depends on who drew the outline: slips are short, the
-    edge of a polygon by hand is long. Of several lengths the one that leaves the most doubt is taken.
+    the sandwich `H⁻¹ S H⁻¹`, plus the grain of the pixels. S is the scatter `Σ g gᵀ` of one gradient g per
+    stretch, or what it would be if all stretches erred alike: few gradients scatter little by chance. H is
+    the weighted `JᵀJ`, less what Geman-McClure weights (`scale` px) lose of their slope at the distances met.
+    How long stretches are depends on who drew the outline: slips are short, the edge of a polygon by hand is
+    long. Of several lengths, and of both ways, the one that leaves the most doubt is taken.
     Source: Huber 1981 (M-estimators); Liang and Zeger 1986 (stretches).
     """
     size = matches[0].jacobian.shape[1]
-    normal, grain, weight, curvature = np.zeros((size, size)), np.zeros((size, size)), 0.0, 0.0
-    scores = []
-    for found in matches:
-        weights = robust_weights(found.distances, scale)
-        weighted = found.jacobian * weights[:, None]
-        normal += weighted.T @ found.jacobian
-        grain += GRAIN**2 * weighted.T @ weighted
-        squared = (np.nan_to_num(found.distances) / scale) ** 2
-        weight += weights.sum()
-        curvature += float(np.sum(weights * (1.0 - 3.0 * squared) / (1.0 + squared)))
-        scores.append(weighted)
-    inverse = stable_inverse(normal * max(curvature / weight, LEAST_CURVATURE))
-    spreads = [_spread(pairs, matches, scores, bias, joined) for joined in JOINED]
-    enough = [spread for spread, stretches in spreads if stretches >= LEAST_STRETCHES * size]
-    candidates = [inverse @ (spread + grain) @ inverse for spread in enough or [spreads[0][0]]]
+    weights = [robust_weights(found.distances, scale) for found in matches]
+    weighted = np.concatenate([m.jacobian * w[:, None] for m, w in zip(matches, weights, strict=True)])
+    normal = weighted.T @ np.concatenate([found.jacobian for found in matches])
+    inverse = stable_inverse(normal * _curvature(matches, weights, scale))
+    grain = GRAIN**2 * weighted.T @ weighted
+    tried = [_stretches(pairs, matches, weights, joined) for joined in JOINED]
+    spreads = [stretches.scattered() for stretches in tried if stretches.number >= SCATTERING * size]
+    spreads += [stretches.alike(scale) for stretches in tried if stretches.number >= ALIKE * size]
+    spreads = spreads or [tried[0].alike(scale)]
+    candidates: list[FloatArray] = [inverse @ (spread + grain) @ inverse for spread in spreads]
     doubts = [float(np.trace(np.linalg.solve(candidates[0], candidate))) for candidate in candidates]
     return candidates[int(np.argmax(doubts))]
 
 
-def _spread(
-    pairs: Sequence[ContourPair],
-    matches: Sequence[Match],
-    scores: Sequence[FloatArray],
-    bias: float,
-    joined: int,
-) -> tuple[FloatArray, int]:
-    """Scatter (P,P) of the gradients of stretches, `joined` of the shortest to one, and their number."""
-    size = scores[0].shape[1]
-    spread, stretches = np.zeros((size, size)), 0
-    for pair, found, weighted in zip(pairs, matches, scores, strict=True):
-        stretch = pair.surface.block // joined
-        gradients = per_stretch(stretch, weighted * np.nan_to_num(found.distances)[:, None])
-        lifts = bias * per_stretch(stretch, weighted)
-        stretches += np.count_nonzero(np.any(gradients != 0, axis=1))
-        spread += gradients.T @ gradients + lifts.T @ lifts
-    correction = stretches / max(stretches - size, 1)
-    return correction * spread, stretches
+def _curvature(matches: Sequence[Match], weights: Sequence[FloatArray], scale: float) -> float:
+    """Share of the weighted `JᵀJ` that Geman-McClure weights leave of the slope at the distances met."""
+    squared = (np.nan_to_num(np.concatenate([found.distances for found in matches])) / scale) ** 2
+    weight = np.concatenate(weights)
+    kept = np.sum(weight * (1.0 - 3.0 * squared) / (1.0 + squared))
+    return max(float(kept / weight.sum()), LEAST_CURVATURE)
+
+
+@dataclass(frozen=True, eq=False)
+class _Stretches:
+    """Sums over each stretch.
+
+    `gradients` (S,P); `lifts` (S,P): what an offset of a pixel adds to them; `distance` (S,), weighted;
+    `weight` (S,).
+    """
+
+    gradients: FloatArray
+    lifts: FloatArray
+    distance: FloatArray
+    weight: FloatArray
+
+    @property
+    def number(self) -> int:
+        return len(self.weight)
+
+    def scattered(self) -> FloatArray:
+        """Covariance (P,P) of the gradient by the scatter of the stretches' gradients."""
+        size = self.gradients.shape[1]
+        correction = self.number / (self.number - size)
+        scatter: FloatArray = correction * self.gradients.T @ self.gradients
+        return scatter
+
+    def alike(self, scale: float) -> FloatArray:
+        """Covariance (P,P) of the gradient if all stretches are off with the same variance."""
+        spread: FloatArray = self._variance(scale) * self.lifts.T @ self.lifts
+        return spread
+
+    def _variance(self, scale: float) -> float:
+        """Variance (px²) of what whole stretches are off, from their means and what was usual before.
+
+        A pose that is fitted to few stretches hides most of it: the means' degrees of freedom are counted.
+        Source: inverse-gamma prior of a variance; leverages of weighted least squares.
+        """
+        alike = stable_inverse((self.lifts.T / self.weight) @ self.lifts)
+        leverage = np.einsum("si,ij,sj->s", self.lifts, alike, self.lifts)
+        usual = float(self.weight.mean())
+        freedom = max(float(self.weight.sum() - leverage.sum()) / usual, 0.0)
+        squares = float(np.sum(self.distance**2 / self.weight)) / usual
+        before: float = USUAL_WORTH * (USUAL_OFFSET * scale) ** 2
+        return (before + squares) / (USUAL_WORTH + freedom)
+
+
+def _stretches(
+    pairs: Sequence[ContourPair], matches: Sequence[Match], weights: Sequence[FloatArray], joined: int
+) -> _Stretches:
+    """Sums over stretches, `joined` of the shortest to one; those without weight are left out."""
+    size = matches[0].jacobian.shape[1]
+    parts = []
+    for pair, found, weight in zip(pairs, matches, weights, strict=True):
+        weighted = found.jacobian * weight[:, None]
+        distance = np.nan_to_num(found.distances)[:, None]
+        columns = np.hstack([weighted * distance, weighted, weight[:, None] * distance, weight[:, None]])
+        parts.append(per_stretch(pair.surface.block // joined, columns))
+    sums = np.concatenate(parts)
+    sums = sums[sums[:, -1] > 0]
+    return _Stretches(sums[:, :size], sums[:, size:-2], sums[:, -2], sums[:, -1])
 
 
 def per_stretch(stretch: IndexArray, values: FloatArray) -> FloatArray:

@@ -34,8 +34,8 @@ class Level:
     `near` (px): as close as they come where both are right; `half_width`: samples on either side of a local
     fit; `alike`: least cosine of normals that match; `block`: pixels of boundary whose errors hang together;
     `ratio` and `share`: lock ratio and share of the boundary near the outline that wrong fits do not reach;
-    `bias`: what a stretch may be off as a whole (px), one standard deviation; `steep`: what the ratio must
-    grow by with the share: where outlines are right apart from slips, little lies just beside.
+    `steep`: what the ratio must grow by with the share: where outlines are right apart from slips, little
+    lies just beside.
     """
 
     near: float
@@ -44,14 +44,13 @@ class Level:
     block: int
     ratio: float
     share: float
-    bias: float
     steep: float
 
 
 LEVELS = (
-    Level(0.7, 3, 0.85, 24, 5.0, 0.10, 0.0, 40.0),
-    Level(2.0, 10, 0.75, 200, 7.0, 0.50, 0.5, 0.0),
-    Level(4.0, 20, 0.70, 300, 14.0, 0.75, 1.0, 0.0),
+    Level(0.7, 3, 0.85, 24, 5.0, 0.10, 40.0),
+    Level(2.0, 10, 0.75, 200, 7.0, 0.50, 0.0),
+    Level(4.0, 20, 0.70, 300, 14.0, 0.75, 0.0),
 )
 """From outlines right to the pixel apart from slips to outlines drawn by hand round a jagged scan."""
 
@@ -245,7 +244,7 @@ def finished(contours: Contours, fit: OutlineFit) -> OutlineFit:
     pairs = contours.pairs(CLEAN, fit.rotation, fit.translation)
     turned, moved = refine_by_contours(camera, pairs, fit.rotation, fit.translation, SCALES[-3:])
     matches = [match(camera, pair, turned, moved) for pair in pairs]
-    spread = outline_covariance(pairs, matches, SCALES[-1] * fit.near, 0.0)
+    spread = outline_covariance(pairs, matches, SCALES[-1] * fit.near)
     return replace(fit, rotation=turned, translation=moved, covariance=spread)
 
 
@@ -304,7 +303,7 @@ def _refined(
     least = level.ratio + ALONE / len(pairs) + level.steep * max(share - PLAIN_SHARE, 0.0)
     if lock_ratio(distances, level.near) < least or share < level.share:
         return None
-    spread = outline_covariance(pairs, matches, SCALES[-1] * level.near, level.bias)
+    spread = outline_covariance(pairs, matches, SCALES[-1] * level.near)
     evidence = sum(
         _log_evidence(found.distances, level.near) * pair.surface.spacing * BLOCKS / level.block
         for pair, found in zip(pairs, matches, strict=True)

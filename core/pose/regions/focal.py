@@ -213,6 +213,6 @@ def _refined(
         log_factor += float(step[6])
         k1 += float(step[7]) if radial else 0.0
     last = matched()
-    covariance = outline_covariance(pairs, last, STEPS[-1] * level.near, level.bias)
+    covariance = outline_covariance(pairs, last, STEPS[-1] * level.near)
     distances = np.concatenate([found.distances for found in last])
     return _LensFit(lens(0, 0), rotation, translation, covariance, distances)

@@ -8,7 +8,7 @@ import pytest
 from fresco.core.cameras import PerspectiveCamera
 from fresco.core.errors import FrescoError
 from fresco.core.geometry.outlines import fill_loops, mask_loops
-from fresco.core.geometry.rigid import exp_so3, rotation_angle
+from fresco.core.geometry.rigid import exp_so3, log_so3, rotation_angle
 from fresco.core.pose import estimate_pose
 from fresco.core.regions import ImageRegion
 from hypothesis import given, settings
@@ -51,14 +51,22 @@ def with_sides_moved(corners, shifts):
 
 def drawn_beside(names, seed):
     """Scene, and its regions with straight sides of which a third lie 3 to 7 px beside the true ones."""
+
+    def shifts(rng, sides):
+        wrong = rng.uniform(3.0, 7.0, sides) * rng.choice([-1.0, 1.0], sides)
+        return np.where(rng.random(sides) < 0.35, wrong, rng.normal(0.0, 0.3, sides))
+
+    return drawn(names, seed, shifts)
+
+
+def drawn(names, seed, shifts):
+    """Scene, and its regions whose straight sides lie `shifts(generator, sides)` px beside the true ones."""
     rng = np.random.default_rng(seed)
     scene = Scene(CAMERA, names, local=exp_so3(rng.normal([0.2, -0.2, 0.3], 0.3)))
     images = []
     for name, surface in zip(names, scene.surfaces, strict=True):
         corners = CAMERA.project(surface.vertices @ scene.rotation.T + scene.translation)
-        wrong = rng.uniform(3.0, 7.0, len(corners)) * rng.choice([-1.0, 1.0], len(corners))
-        shifts = np.where(rng.random(len(corners)) < 0.35, wrong, rng.normal(0.0, 0.3, len(corners)))
-        loops = [with_sides_moved(corners, shifts)]
+        loops = [with_sides_moved(corners, shifts(rng, len(corners)))]
         images.append(ImageRegion.from_mask(fill_loops(loops, CAMERA.width, CAMERA.height), name))
     return scene, images
 
@@ -76,6 +84,19 @@ def test_straight_sides_drawn_along_something_else_seldom_give_a_sure_wrong_pose
     assert len(ratios) >= 12
     assert np.mean(np.array(ratios) > 3.0) <= 0.12
     assert max(ratios) < 20.0
+
+
+def test_sides_drawn_with_care_leave_errors_as_large_as_told():
+    told = []
+    for seed in range(10):
+        scene, images = drawn(["ell", "prow", "gable"], seed, lambda rng, sides: rng.normal(0.0, 1.2, sides))
+        pose = estimate_pose(CAMERA, images, scene.surfaces)
+        assert not pose.ambiguous
+        turn = log_so3(scene.rotation @ pose.rotation.T)
+        off = np.concatenate([turn, scene.centre - pose.centre])
+        told.append(float(off @ np.linalg.solve(pose.covariance, off)))
+    assert 2.5 < np.mean(told) < 9.0
+    assert max(told) < 22.5  # one in a thousand
 
 
 def test_only_region_of_few_sides_is_told_to_be_as_good_as_its_outline():
