@@ -222,9 +222,8 @@ def show_points(scene: bpy.types.Scene, project: Project, scan: Scan) -> None:
 def show_photo(context: bpy.types.Context, photo: Photo, preview: ByteArray | None) -> photos.FrescoPhoto:
     """Add one of a project's photos with its marks; a mark that is a polygon becomes a mask in the .blend."""
     item = photos.add_photo(context, photo.path.resolve(), photo.name)
-    note = photo.notes[-1] if photo.notes else ""
-    photos.write_camera(context, item, photo.camera, note, preview)
-    item.message = " ".join(photo.notes[:-1])
+    photos.write_camera(context, item, photo.camera, photo.camera_source, preview)
+    item.message = " ".join(note for note in photo.notes if note != photo.camera_source)
     if photo.mask is not None:
         item.mask = load_mask(photo.mask.resolve())
     for mark in photo.regions:

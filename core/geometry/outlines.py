@@ -118,3 +118,30 @@ def loop_area(loops: Sequence[FloatArray]) -> float:
         following = np.roll(loop, -1, axis=0)
         area += 0.5 * float(np.sum(loop[:, 0] * following[:, 1] - loop[:, 1] * following[:, 0]))
     return area
+
+
+def pieces_of(loops: Sequence[FloatArray]) -> list[list[FloatArray]]:
+    """Closed loops (n,2) as pieces: each the outline of a filled part, then of the holes in it.
+
+    Loops must not cross; a hole belongs to the smallest filled part around it.
+    """
+    areas = [loop_area([loop]) for loop in loops]
+    filled = sorted((k for k in range(len(loops)) if areas[k] > 0), key=lambda k: areas[k])
+    pieces = {k: [loops[k]] for k in filled}
+    for k, loop in enumerate(loops):
+        around = (j for j in filled if areas[k] <= 0 and areas[j] >= -areas[k] and _within(loop, loops[j]))
+        for j in around:
+            pieces[j].append(loop)
+            break
+    return [pieces[k] for k in reversed(filled)]
+
+
+def _within(loop: FloatArray, around: FloatArray) -> bool:
+    """Whether most points of a loop (n,2) lie inside another one (m,2), by crossings to their right."""
+    ends = np.roll(around, -1, axis=0)
+    v = loop[:, 1, None]
+    spans = (around[:, 1] <= v) != (ends[:, 1] <= v)
+    slope = np.divide(ends[:, 0] - around[:, 0], ends[:, 1] - around[:, 1], where=ends[:, 1] != around[:, 1])
+    crossing = around[:, 0] + slope * (v - around[:, 1])
+    inside = np.count_nonzero(spans & (crossing > loop[:, 0, None]), axis=1) % 2 == 1
+    return bool(np.mean(inside) > 0.5)

@@ -6,10 +6,10 @@ Marks are read when they are needed: the masks of hundreds of photos do not fit 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
@@ -17,6 +17,9 @@ import numpy as np
 from ..arrays import AnyArray, BoolArray, FloatArray
 from ..errors import RegionError
 from ..geometry.outlines import fill_loops
+
+Shape: TypeAlias = tuple[Sequence[Sequence[FloatArray]], Sequence[FloatArray]]
+"""Pieces of a region, each an outline (n,2) and its holes, and what hides parts of it, as closed loops."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,9 +139,9 @@ def read_polygons(path: Path | str) -> dict[str, RegionMark]:
     """Polygons from a GeoJSON feature collection, by name.
 
     Every feature has `properties.name` and a `Polygon` geometry: outline, then holes, each a list of (u, v)
-    in pixels with (0, 0) at the centre of the top-left pixel. What stands before it may be given beside the
-    geometry in `hidden`, a list of rings; the collection then tells the photo's `width` and `height`. Raises
-    RegionError for anything else.
+    in pixels with (0, 0) at the centre of the top-left pixel; or a `MultiPolygon` of such. What stands before
+    it may be given beside the geometry in `hidden`, a list of rings. Where there is either, the collection
+    tells the photo's `width` and `height`. Raises RegionError for anything else.
     """
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
@@ -164,21 +167,29 @@ def _polygon(feature: Any, size: tuple[Any, Any], where: str) -> RegionMark:
     geometry = feature.get("geometry") if isinstance(feature, dict) else None
     if not isinstance(properties, dict) or not isinstance(properties.get("name"), str):
         raise RegionError(f"{where}: has no properties.name")
-    if not isinstance(geometry, dict) or geometry.get("type") != "Polygon":
-        raise RegionError(f"{where}: is no Polygon")
-    rings = geometry.get("coordinates")
-    if not isinstance(rings, list) or not rings:
+    kind = geometry.get("type") if isinstance(geometry, dict) else None
+    if not isinstance(geometry, dict) or kind not in ("Polygon", "MultiPolygon"):
+        raise RegionError(f"{where}: is no Polygon or MultiPolygon")
+    coordinates = geometry.get("coordinates")
+    if not isinstance(coordinates, list) or not coordinates:
         raise RegionError(f"{where}: has no coordinates")
-    loops = [_ring(ring, where) for ring in rings]
-    hidden = _hidden(feature.get("hidden"), size, where)
-    return RegionMark(properties["name"], outline=loops[0], holes=tuple(loops[1:]), hidden=hidden)
+    name, hidden = properties["name"], _rings_mask(feature.get("hidden"), size, where)
+    if kind == "MultiPolygon":
+        if not all(isinstance(piece, list) for piece in coordinates):
+            raise RegionError(f"{where}: a MultiPolygon is a list of polygons")
+        mask = _rings_mask([ring for piece in coordinates for ring in piece], size, where)
+        return RegionMark(name, mask=mask, hidden=hidden)
+    loops = [_ring(ring, where) for ring in coordinates]
+    return RegionMark(name, outline=loops[0], holes=tuple(loops[1:]), hidden=hidden)
 
 
-def _hidden(rings: Any, size: tuple[Any, Any], where: str) -> BoolArray | None:
+def _rings_mask(rings: Any, size: tuple[Any, Any], where: str) -> BoolArray | None:
     if not rings:
         return None
     if not all(isinstance(side, int) and side > 0 for side in size):
-        raise RegionError(f"{where}: hidden parts need the photo's width and height in the file")
+        raise RegionError(
+            f"{where}: hidden parts and MultiPolygons need the photo's width and height in the file"
+        )
     return fill_loops([_ring(ring, where) for ring in rings], size[0], size[1])
 
 
@@ -195,15 +206,24 @@ def _ring(ring: Any, where: str) -> FloatArray:
     return corners
 
 
-def polygons_to_geojson(marks: Iterable[RegionMark]) -> dict[str, Any]:
-    """GeoJSON feature collection of the polygons among marks, as `read_polygons` reads it."""
-    features = [
-        _feature(mark.name, (mark.outline, *mark.holes)) for mark in marks if mark.outline is not None
-    ]
-    return {"type": "FeatureCollection", "features": features}
+def polygons_to_geojson(shapes: Mapping[str, Shape], size: tuple[int, int]) -> dict[str, Any]:
+    """GeoJSON feature collection of shapes by name, in a photo of `size`, as `read_polygons` reads it."""
+    features = [_feature(name, *shape) for name, shape in shapes.items()]
+    width, height = size
+    return {"type": "FeatureCollection", "width": width, "height": height, "features": features}
 
 
-def _feature(name: str, loops: Sequence[FloatArray]) -> dict[str, Any]:
-    rings = [[*loop.tolist(), loop[0].tolist()] for loop in loops]
-    geometry = {"type": "Polygon", "coordinates": rings}
-    return {"type": "Feature", "properties": {"name": name}, "geometry": geometry}
+def _feature(
+    name: str, pieces: Sequence[Sequence[FloatArray]], hidden: Sequence[FloatArray]
+) -> dict[str, Any]:
+    polygons = [[_closed(loop) for loop in piece] for piece in pieces]
+    geometry: dict[str, Any] = {"type": "Polygon", "coordinates": polygons[0]}
+    if len(polygons) > 1:
+        geometry = {"type": "MultiPolygon", "coordinates": polygons}
+    feature = {"type": "Feature", "properties": {"name": name}, "geometry": geometry}
+    return feature | {"hidden": [_closed(loop) for loop in hidden]} if hidden else feature
+
+
+def _closed(loop: FloatArray) -> list[list[float]]:
+    corners: list[list[float]] = loop.tolist()
+    return [*corners, corners[0]]

@@ -19,7 +19,8 @@ class Photo:
     """A photo with its camera, not yet posed (see `View`).
 
     `regions` are the marked regions; `mask` is a file that is bright where the photo may be used for texture.
-    `notes` holds what the user should know, one sentence each.
+    `notes` holds what the user should know, one sentence each; `camera_source` says where the camera is from,
+    which is a note as well where it is nominal only.
     """
 
     path: Path
@@ -29,6 +30,7 @@ class Photo:
     mask: Path | None = None
     exif: Exif = field(default_factory=Exif)
     notes: tuple[str, ...] = ()
+    camera_source: str = ""
 
     def read_mask(self) -> BoolArray | None:
         """Mask (H,W) of the usable pixels or None; raises RegionError when it does not fit the photo."""
@@ -54,13 +56,13 @@ def open_photo(
     path = Path(path)
     width, height = image_size(path)
     exif = read_exif(path)
-    notes = [note for note in [exif.orientation_note(width, height)] if note]
+    source, notes = "", [note for note in [exif.orientation_note(width, height)] if note]
     if camera is None:
-        camera, note = camera_from_exif(exif, width, height)
-        notes.append(note)
+        camera, source = camera_from_exif(exif, width, height)
+        notes.append(source)
     if (camera.width, camera.height) != (width, height):
         raise PhotoError(
             f"{path}: the photo is {width} x {height} pixels, but its camera is calibrated for "
             f"{camera.width} x {camera.height}; use the original photo or the right calibration"
         )
-    return Photo(path, name or path.stem, camera, regions, mask, exif, tuple(notes))
+    return Photo(path, name or path.stem, camera, regions, mask, exif, tuple(notes), source)

@@ -6,13 +6,14 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any, TypeVar
 
 import numpy as np
 
 from ..arrays import IntArray
-from ..errors import FrescoError, PhotoError, PoseNotFound, ProjectError
-from ..files import replacing
+from ..errors import FrescoError, PhotoError, PoseNotFound, ProjectError, ScanError
+from ..files import output_error
 from ..jobs import Job, Progress, drain, part
 from ..photos.image import check_complete
 from ..photos.photo import Photo
@@ -118,9 +119,6 @@ def run_project_job(project: Project, versions: Mapping[str, str] | None = None)
         models = models_job(project, scan, layers, store, charts, occluders)
         simplified = yield from part(_timed(models, clock, "models"), 0.9, 1.0)
     textured = layers.get("") or next(iter(layers.values()), None)
-    for file_format in project.output.cameras:
-        path = cameras_path(project.output.folder, project.output.name, file_format)
-        write_cameras(path, solved_cameras([e.photo for e in project.photos], poses, scan), file_format)
     record = provenance(project, digests, scan, poses, textured, clock, layers, versions or {})
     record["clouds"] = {name: {"coverage": cloud.coverage} for name, cloud in clouds.items()}
     record["colour_charts"] = {name: chart.told for name, chart in charts.items()}
@@ -128,9 +126,17 @@ def run_project_job(project: Project, versions: Mapping[str, str] | None = None)
     for name, of_layer in layers.items():
         write_photo_per_face(output_path(project, layer_ending(name, "_faces.npz")), scan, of_layer)
     write_provenance(output_path(project, "_provenance.json"), record)
+    _write_cameras(project, scan, poses)
     hiding = tuple(occluders)
     found = (layers, charts, simplified, clouds)
     return ProjectResult(project, scan, faces, surfaces, poses, textured, record, clock, hiding, *found)
+
+
+def _write_cameras(project: Project, scan: Scan, poses: list[PhotoPose]) -> None:
+    """Write the solved cameras for the programs that are asked for."""
+    for file_format in project.output.cameras:
+        path = cameras_path(project.output.folder, project.output.name, file_format)
+        write_cameras(path, solved_cameras([e.photo for e in project.photos], poses, scan), file_format)
 
 
 def charts_job(project: Project) -> Job[dict[str, ChartResult]]:
@@ -224,21 +230,34 @@ def _told(project: Project, key: str, read: Callable[..., Result], *arguments: A
 def read_scans_job(project: Project) -> Job[tuple[Scan, list[Scan]]]:
     """Read the scan and its occluders, which get the same offset."""
     files = [project.scan.path, *project.scan.occluders]
-    scan: Scan = yield from part(read_scan_job(files[0], project.scan.settings), 0.0, 1 / len(files))
+    job = _scan_job(project, "scan.path", files[0], project.scan.settings)
+    scan = yield from part(job, 0.0, 1 / len(files))
     settings = ScanSettings(**{**vars(project.scan.settings), "offset": tuple(scan.offset.tolist())})
     occluders = []
     for number, path in enumerate(files[1:], 1):
-        job = read_scan_job(path, settings)
+        job = _scan_job(project, "scan.occluders", path, settings)
         occluders.append((yield from part(job, number / len(files), (number + 1) / len(files))))
     return scan, occluders
 
 
+def _scan_job(project: Project, key: str, path: Path, settings: ScanSettings) -> Job[Scan]:
+    """Read a scan; what is wrong with its file is told as any other wrong input is."""
+    try:
+        scan: Scan = yield from read_scan_job(path, settings)
+    except ScanError as error:
+        raise ProjectError(project.path, key, str(error)) from error
+    return scan
+
+
 def _check_writable(project: Project) -> None:
-    """Find out before the long computation whether its result can be kept."""
-    probe = project.output.folder / ".writable"
-    with replacing(probe) as file:
-        file.write(b"\n")
-    probe.unlink()
+    """Find out before the long computation whether its result can be kept. Raises OutputError."""
+    folder = project.output.folder
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise output_error(folder, error) from error
 
 
 def _pose_job(

@@ -146,7 +146,7 @@ def _row(
         " ".join(text for text in (photo.exif.make, photo.exif.model) if text),
         "given" if result.given else "solved" if result.solved else "ambiguous" if pose else "failed",
         result.regions or tuple(mark.name for mark in photo.regions),
-        (*photo.notes, *result.notes),
+        tuple(filter(None, dict.fromkeys((photo.camera_source, *photo.notes, *result.notes)))),
         result.failure,
         result.overlap_error,
         None if sure is None else sure.rotation_sigma,

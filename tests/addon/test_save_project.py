@@ -74,6 +74,22 @@ def test_the_batch_reads_what_the_window_saved(marked, module, tmp_path):
     assert all(tmp_path not in mask.parents for mask in masks)  # mask files are named, not copied
 
 
+def test_what_was_painted_is_written_as_polygons_too(marked, module, tmp_path):
+    photo = marked.fresco.photos[1]
+    region = marked.fresco.region_named("red panel")
+    painted = np.zeros((photo.size[1], photo.size[0]), dtype=bool)
+    painted[40:90, 60:140], painted[55:70, 80:100], painted[100:120, 60:90] = True, False, True
+    mark = module("core.photos").RegionMark("red panel", mask=painted)
+    module("addon.bridge.regions").write_mark(photo, region, mark, photo.size)
+    bpy.ops.fresco.save_project(filepath=str(tmp_path / "room.toml"))
+    files = tmp_path / "room_files"
+    polygons = module("core.photos").read_polygons(files / "polygons" / "wall 2.geojson")
+    assert list(polygons) == ["red panel"]  # marks in mask files of their own are not repeated
+    np.testing.assert_array_equal(polygons["red panel"].read_mask(*photo.size), painted)
+    mask = module("core.photos").read_mask(files / "masks" / "wall 2" / "red panel.png")
+    np.testing.assert_array_equal(mask, painted)
+
+
 def test_a_scan_from_no_file_is_refused(marked, tmp_path):
     marked.fresco.scan_path = ""
     with pytest.raises(RuntimeError, match="not read from a file"):

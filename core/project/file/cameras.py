@@ -61,6 +61,11 @@ class CameraEntry:
         """Whether the numbers are in pixels, so that they hold for photos of one size only."""
         return "focal" in self.table or "K" in self.table or "principal" in self.table
 
+    @property
+    def is_nominal(self) -> bool:
+        """Whether the camera is what its body and lens should be, not calibrated."""
+        return "preset" in self.table or "exif" in self.table
+
     def make(self, width: int, height: int, exif: Exif) -> tuple[Camera, str]:
         """Camera for a photo (size in pixels), and a sentence on where it comes from.
 

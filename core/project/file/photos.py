@@ -214,21 +214,22 @@ def _photo(
     # a camera that the photo names wins over the imported one
     entry = _camera_of(draft, cameras) if posed is None or "camera" in draft.sources else None
     camera: Camera
+    nominal = entry is None or entry.is_nominal
     if entry is None and posed is not None:
-        camera, note = posed.camera, "Camera imported from another program."
+        camera, source, nominal = posed.camera, "Camera imported from another program.", False
     elif entry is None:
-        camera, note = _told(draft, camera_from_exif, exif, *size)
+        camera, source = _told(draft, camera_from_exif, exif, *size)
     else:
-        camera, note = entry.make(*size, exif)
+        camera, source = entry.make(*size, exif)
     if (camera.width, camera.height) != size:
         draft.sources["path"].fail(
             "path",
             f"{draft.path} is {size[0]} x {size[1]} pixels, but its camera is calibrated for "
             f"{camera.width} x {camera.height}; use the original photo or the right calibration",
         )
-    notes = tuple(text for text in (exif.orientation_note(*size), note) if text)
+    notes = tuple(text for text in (exif.orientation_note(*size), source if nominal else "") if text)
     marks = tuple(read_marks(draft.sources.get("regions"), draft.path.stem, size))
-    return Photo(draft.path, draft.name, camera, marks, _mask(draft, size), exif, notes)
+    return Photo(draft.path, draft.name, camera, marks, _mask(draft, size), exif, notes, source)
 
 
 def _told(draft: _Draft, read: Callable[..., T], *arguments: Any) -> T:

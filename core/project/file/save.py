@@ -17,12 +17,14 @@ from ...arrays import BoolArray, FloatArray, IntArray
 from ...cameras import Camera
 from ...cameras.files import camera_to_dict, write_camera_json
 from ...files import replacing
+from ...geometry.outlines import pieces_of
 from ...jobs import Job, Progress
-from ...photos.marks import RegionMark, polygons_to_geojson
+from ...photos.marks import RegionMark, Shape, polygons_to_geojson
 from ...photos.photo import Photo
 from ...pose.points.survey import Survey
 from ...regions.files import write_mask
 from ...regions.image_region import ImageRegion
+from ...regions.photo.outline import mask_polygons
 from ...regions.surface.files import FaceRegion, write_face_regions
 from ...scans.ply import write_ply
 from ...settings import ScanSettings
@@ -136,13 +138,28 @@ def _photo(entry: PhotoEntry, cameras: _Cameras, folder: Path) -> _Table:
 
 
 def _marks(photo: Photo, folder: Path) -> Path | dict[str, Path]:
-    """File of a photo's polygons, or its masks by name where some marks are masks or hidden in part."""
-    if any(mark.outline is None or mark.hidden is not None for mark in photo.regions):
-        return _masks(photo, folder / "masks" / _file_name(photo.name))
+    """File of a photo's polygons, or its masks by name where some marks are masks or hidden in part.
+
+    Marks that are in no file yet are written as polygons in any case, for other programs; masks are exact.
+    """
+    size = photo.camera.width, photo.camera.height
+    shapes = {mark.name: _shape(mark, size) for mark in photo.regions if mark.path is None}
     path = folder / "polygons" / f"{_file_name(photo.name)}.geojson"
-    with replacing(path) as file:
-        file.write(json.dumps(polygons_to_geojson(photo.regions), ensure_ascii=False, indent=1).encode())
-    return path
+    if shapes:
+        with replacing(path) as file:
+            file.write(json.dumps(polygons_to_geojson(shapes, size), ensure_ascii=False, indent=1).encode())
+    if all(mark.outline is not None and mark.hidden is None for mark in photo.regions):
+        return path
+    return _masks(photo, folder / "masks" / _file_name(photo.name))
+
+
+def _shape(mark: RegionMark, size: tuple[int, int]) -> Shape:
+    """A mark as polygons; those of a mask run along its pixels, to 0.7 of one."""
+    hidden = mark.read_hidden(*size)
+    before = [] if hidden is None else mask_polygons(hidden)
+    if mark.outline is not None:
+        return [[mark.outline, *mark.holes]], before
+    return pieces_of(mask_polygons(_pixels(mark, size))), before
 
 
 def _masks(photo: Photo, folder: Path) -> dict[str, Path]:

@@ -1,6 +1,6 @@
 import numpy as np
 from fresco.core.geometry.contours import resampled, smoothed
-from fresco.core.geometry.outlines import fill_loops, loop_area, mask_loops
+from fresco.core.geometry.outlines import fill_loops, loop_area, mask_loops, pieces_of
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -55,3 +55,13 @@ def test_smoothed_pixel_outline_lies_on_the_line():
     off = (v - 40.3 - 0.37 * u)[on_line] / np.hypot(1, 0.37)
     assert abs(off.mean()) < 0.02
     assert off.std() < 0.15
+
+
+def test_pieces_have_the_holes_that_lie_in_them():
+    mask = np.zeros((30, 60), dtype=bool)
+    mask[2:28, 2:28], mask[6:24, 6:24], mask[10:20, 10:20] = True, False, True  # a part within a hole
+    mask[13:17, 13:17] = False
+    mask[2:12, 40:50] = True
+    pieces = pieces_of(mask_loops(mask))
+    sizes = [[abs(loop_area([loop])) for loop in piece] for piece in pieces]
+    assert sorted(sizes) == [[100], [100, 16], [26 * 26, 18 * 18]]

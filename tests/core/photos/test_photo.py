@@ -190,16 +190,30 @@ def test_an_inverted_mask_is_asked_about(folder):
 
 
 def test_polygons_there_and_back(folder):
-    mark = RegionMark(
-        "déli ablak",
-        outline=np.array([[1.5, 2], [9, 2], [9, 8.25]]),
-        holes=(np.array([[5, 3], [6, 3], [6, 4]]),),
-    )
+    outline, hole = np.array([[1.5, 2], [9, 2], [9, 8.25]]), np.array([[5, 3], [6, 3], [6, 4]])
+    behind = np.array([[0, 0], [4, 0], [4, 4]])
     path = folder / "régiók.json"
-    path.write_text(json.dumps(polygons_to_geojson([mark]), ensure_ascii=False), encoding="utf-8")
-    back = read_polygons(path)["déli ablak"]
-    np.testing.assert_array_equal(back.outline, mark.outline)
-    np.testing.assert_array_equal(back.holes[0], mark.holes[0])
+    shapes = {"déli ablak": ([[outline, hole]], []), "ajtó": ([[outline]], [behind])}
+    path.write_text(json.dumps(polygons_to_geojson(shapes, (20, 10)), ensure_ascii=False), encoding="utf-8")
+    back = read_polygons(path)
+    np.testing.assert_array_equal(back["déli ablak"].outline, outline)
+    np.testing.assert_array_equal(back["déli ablak"].holes[0], hole)
+    assert back["déli ablak"].hidden is None and back["ajtó"].hidden.sum() == 10
+
+
+def test_a_region_of_several_pieces_is_a_multipolygon(folder):
+    first, hole = np.array([[0, 0], [8, 0], [8, 8], [0, 8]]), np.array([[2, 2], [2, 4], [4, 4], [4, 2]])
+    content = polygons_to_geojson({"két ablak": ([[first, hole], [first + np.array([10, 0])]], [])}, (20, 10))
+    geometry = content["features"][0]["geometry"]
+    assert geometry["type"] == "MultiPolygon" and [len(piece) for piece in geometry["coordinates"]] == [2, 1]
+    path = folder / "a.json"
+    path.write_text(json.dumps(content))
+    mask = read_polygons(path)["két ablak"].read_mask(20, 10)
+    assert mask.sum() == 64 - 4 + 64 and mask[3, 3] == 0 and mask[3, 13]
+    del content["width"]
+    path.write_text(json.dumps(content))
+    with pytest.raises(RegionError, match="MultiPolygons need the photo's width and height"):
+        read_polygons(path)
 
 
 @pytest.mark.parametrize(

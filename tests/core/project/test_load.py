@@ -166,7 +166,8 @@ def test_camera_from_calibration_file(folder):
     (folder / "kalibráció.json").write_text(json.dumps(camera))
     project = load_project(edit(folder, ("focal = 80.0", 'file = "kalibráció.json"')))
     assert project.photos[0].photo.camera.K[0, 0] == 70
-    assert "kalibráció.json" in project.photos[0].photo.notes[0]
+    photo = project.photos[0].photo
+    assert "kalibráció.json" in photo.camera_source and photo.notes == ()
 
 
 @pytest.mark.parametrize(

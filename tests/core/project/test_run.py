@@ -306,6 +306,15 @@ def test_labels_of_faces_do_not_fit_a_cloud(corner):
         run(path)
 
 
+def test_a_damaged_scan_is_told_as_any_other_wrong_input(corner):
+    path, _ = corner()
+    (path.parent / "scan.ply").write_bytes(b"ply\nno scan")
+    with pytest.raises(ProjectError, match=r"project\.toml: scan\.path: .*scan\.ply") as told:
+        run(path)
+    assert told.value.key == "scan.path"
+    assert not (path.parent / "out").exists()
+
+
 def test_a_damaged_label_file_is_told_in_our_own_words(corner):
     path, _ = corner()
     (path.parent / "labels.npy").write_bytes(b"no array")
