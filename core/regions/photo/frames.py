@@ -16,7 +16,7 @@ import numpy as np
 from ...arrays import ArrayLike, FloatArray, IndexArray
 from ...geometry.polygons import polygon_areas, polygon_moments
 from .lines import STEP, LineSet
-from .spans import SHORTEST_SIDE, TURN, find_quadrangles, off_centre, side_support
+from .spans import CANDIDATE, SHORTEST_SIDE, TURN, find_quadrangles, off_centre, side_support
 
 _SECTORS = 12  # directions around the click from which lines are taken evenly
 _TRIANGLE_LINES = 60  # lines around a click of which two are sides of a triangle
@@ -72,7 +72,7 @@ def find_frames(
     covered = np.log(support).mean(axis=1) + support.min(axis=1)
     best = np.argsort(-covered, kind="stable")[:_CONSIDERED]
     corners, support, covered = corners[best], support[best], covered[best]
-    best = _unlike(corners, covered + centrality(*polygon_moments(corners), point))[:keep]
+    best = _unlike(corners, covered + CANDIDATE * centrality(*polygon_moments(corners), point))[:keep]
     return Frames(corners[best] + lines.centre, support[best])
 
 

@@ -18,7 +18,10 @@ from .lines import LineSet, joined
 
 _STRIPS = 160  # strips that are closed
 _WIDE = 0.3  # how much a strip's width (log) counts beside what covers its sides (logs)
-_OFF = 0.15  # standard deviations that a click is usually off the middle of its region
+_AIMED = 0.15  # standard deviations that a click is off the middle of its region if it is aimed at it
+_ANYWHERE = 0.7  # and if it is not
+_ASTRAY = 0.02  # density of clicks farther off
+CANDIDATE = 0.1  # how much the log odds of the click count while outlines are only gathered
 _ENDS = 10  # ends of a strip on either side that are combined
 TURN = np.sin(np.radians(15))  # smallest turn at a corner
 SHORTEST_SIDE = 8.0  # pixels that a side has at least
@@ -97,20 +100,22 @@ def _strips(lines: LineSet, chosen: IndexArray, point: FloatArray) -> tuple[Inde
     for side in (i, j):
         ends = [lines.covered_until(chosen[side], foot[side] + way * _WINDOW * gap) for way in (-1, 1)]
         rank += np.log(np.maximum((ends[1] - ends[0]) / (2 * _WINDOW * gap), _BARE))
-    rank += off_centre(np.abs(apart[i] - apart[j]) / gap * np.sqrt(3))  # a strip's own is gap / sqrt(12)
+    rank += CANDIDATE * off_centre(
+        np.abs(apart[i] - apart[j]) / gap * np.sqrt(3)
+    )  # a strip's own is gap / sqrt(12)
     rank[gap < SHORTEST_SIDE] = -np.inf
     best = np.argsort(-rank, kind="stable")[:_STRIPS]
     return chosen[i[best]], chosen[j[best]]
 
 
 def off_centre(apart: FloatArray) -> FloatArray:
-    """Log prior (n,) that a user clicks so many of a region's standard deviations off its middle.
+    """Log odds (n,) that a user clicks so many of a region's standard deviations off its middle.
 
-    Beyond twice the usual the odds fall no faster (Huber).
+    Half of all clicks are aimed at the middle, the others fall anywhere inside.
     """
-    share = apart / _OFF
-    prior: FloatArray = -0.15 * np.where(share < 2, share**2, 4 * share - 4)
-    return prior
+    aimed, anywhere = (np.exp(-0.5 * (apart / wide) ** 2) / wide**2 for wide in (_AIMED, _ANYWHERE))
+    odds: FloatArray = np.log(aimed + anywhere + _ASTRAY)
+    return odds
 
 
 def _ends(lines: LineSet, strips: tuple[IndexArray, IndexArray], point: FloatArray) -> _Ends:
