@@ -23,6 +23,7 @@ from .operators import (
     scan,
     texture,
     transfer,
+    wand_step,
 )
 from .overlays import registration as overlays
 from .panels import base as base_panel
@@ -49,6 +50,7 @@ _MODULES = (
     cameras,
     regions,
     mending,
+    wand_step,
     proposals,
     partners,
     transfer,

@@ -40,10 +40,15 @@ def pack_photo(name: str, image: ByteArray) -> bpy.types.Image:
     return _pack(name, encoded.tobytes())
 
 
-def pack_mask(name: str, mask: BoolArray) -> bpy.types.Image:
-    """Make a Blender image of a mask (H,W), as a PNG packed into the .blend."""
+def encode_mask(mask: BoolArray) -> bytes:
+    """PNG of a mask (H,W); touches no Blender data."""
     _, encoded = cv2.imencode(".png", mask.astype(np.uint8) * 255, [cv2.IMWRITE_PNG_BILEVEL, 1])
-    image = _pack(name, encoded.tobytes())
+    return encoded.tobytes()
+
+
+def pack_mask(name: str, encoded: bytes) -> bpy.types.Image:
+    """Make a Blender image of a mask's PNG, packed into the .blend."""
+    image = _pack(name, encoded)
     image.colorspace_settings.name = "Non-Color"
     return image
 

@@ -21,7 +21,7 @@ from ...core.regions.surface.files import FaceRegion, found_again, kept_regions
 from ...core.scans import Scan
 from ..properties import FrescoPhoto, FrescoRegion
 from . import meshes
-from .images import load_mask, pack_mask
+from .images import encode_mask, load_mask, pack_mask
 from .world import matrix_to_array, read_offset
 
 _GOLDEN_RATIO = 0.618033988749895  # turns of the hue circle: neighbours in the list differ most
@@ -278,21 +278,29 @@ def write_mark(photo: FrescoPhoto, region: FrescoRegion, mark: RegionMark, size:
     A mask file is shown itself; a polygon or array is kept as a mask in the .blend.
     """
     if mark.path is not None:
-        image = load_mask(mark.path.resolve())
+        _set_mark(photo, region, load_mask(mark.path.resolve()))
     else:
-        image = pack_mask(f"{photo.name} {region.name}", mark_pixels(mark, size))
-    item = photo.mark(region.uid) or photo.marks.add()
-    item.region_id = region.uid
-    item.image = image
+        write_encoded_mark(photo, region, encode_mask(mark_pixels(mark, size)))
     hidden = mark.read_hidden(*size)
     if hidden is not None:
         write_hidden(photo, region, hidden)
 
 
+def write_encoded_mark(photo: FrescoPhoto, region: FrescoRegion, encoded: bytes) -> None:
+    """Mark a region in a photo by a mask's PNG, in place of an earlier mark."""
+    _set_mark(photo, region, pack_mask(f"{photo.name} {region.name}", encoded))
+
+
+def _set_mark(photo: FrescoPhoto, region: FrescoRegion, image: bpy.types.Image) -> None:
+    item = photo.mark(region.uid) or photo.marks.add()
+    item.region_id, item.image = region.uid, image
+
+
 def write_hidden(photo: FrescoPhoto, region: FrescoRegion, hidden: BoolArray) -> None:
     """Keep a mask (H,W) of what stands before a region that is marked in a photo; an empty one is dropped."""
     mark = photo.mark(region.uid)
-    mark.hidden = pack_mask(f"{photo.name} {region.name} hidden", hidden) if hidden.any() else None
+    name = f"{photo.name} {region.name} hidden"
+    mark.hidden = pack_mask(name, encode_mask(hidden)) if hidden.any() else None
 
 
 def mark_pixels(mark: RegionMark, size: tuple[int, int]) -> BoolArray:

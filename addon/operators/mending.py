@@ -1,4 +1,4 @@
-"""Mend the chosen region: its outline in the shown photo, its faces on the scan, the wand's last click."""
+"""Mend the chosen region: its outline in the shown photo, its faces on the scan."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from ..bridge.images import read_mask_pixels
 from ..jobs import JobOperator, StepOperator
 from ..properties import FrescoPhoto
 from ..tools import targets
-from ..tools.prepared import STORE, read_pixels
+from ..tools.prepared import read_pixels
 from .regions import has_faces
 
 MASK_ACTIONS = (
@@ -170,33 +170,6 @@ def mended_faces_job(inside: BoolArray, action: str, vertices: FloatArray, faces
     return mended
 
 
-class FRESCO_OT_wand_step(StepOperator):
-    bl_idname = "fresco.wand_step"
-    bl_label = "Wand Tolerance"
-    bl_description = "Make the region of the wand's last click larger or smaller"
-    bl_options = {"REGISTER", "UNDO"}
-    step = "regions"
-
-    steps: bpy.props.IntProperty(name="Steps", default=1, description="How many regions larger or smaller")
-
-    @classmethod
-    def ready(cls, context: bpy.types.Context) -> bool:
-        click = STORE.click
-        cls.poll_message_set("Click a region with the wand first")
-        if click is None or bridge.region_of(context.scene, click.uid) is None:
-            return False
-        return context.area is None or context.area.type == click.space
-
-    def run(self, context: bpy.types.Context) -> set[str]:
-        marking = context.scene.fresco_marking
-        if not STORE.click.write(context, marking.wand_steps + self.steps):
-            size = "larger" if self.steps > 0 else "smaller"
-            self.report({"INFO"}, f"There is no {size} region around this click")
-            return {"CANCELLED"}
-        marking.wand_steps += self.steps
-        return {"FINISHED"}
-
-
 class FRESCO_OT_clear_hidden(StepOperator):
     bl_idname = "fresco.clear_hidden"
     bl_label = "Nothing Hides It"
@@ -214,4 +187,4 @@ class FRESCO_OT_clear_hidden(StepOperator):
         shown_mark_photo(context).mark(context.scene.fresco.active_region.uid).hidden = None
 
 
-CLASSES = (FRESCO_OT_tidy_mark, FRESCO_OT_tidy_faces, FRESCO_OT_wand_step, FRESCO_OT_clear_hidden)
+CLASSES = (FRESCO_OT_tidy_mark, FRESCO_OT_tidy_faces, FRESCO_OT_clear_hidden)

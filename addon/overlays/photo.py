@@ -41,15 +41,18 @@ class MaskOutline:
 class Outlines(Kept[MaskOutline]):
     """Outlines of mask images, found once per mask: every stroke makes a new mask image."""
 
-    def of_image(self, image: bpy.types.Image) -> MaskOutline:
-        """Outline of a mask; empty where its file is gone, or while a large one is looked at."""
+    def of_image(self, image: bpy.types.Image, mark: str) -> MaskOutline:
+        """Outline of a mask, the one of several that a `mark` had in turn.
+
+        Empty where its file is gone; while a large one is looked at, the one that the mark had before.
+        """
         stored = image.packed_file.size if image.packed_file is not None else _LARGE + 1
 
         def gather() -> Callable[[], MaskOutline]:
             source = mask_source(image)
             return lambda: _outline(source)
 
-        found = self.of(f"{image.name_full} {image.session_uid}", image.session_uid, stored > _LARGE, gather)
+        found = self.of(mark, image.session_uid, stored > _LARGE, gather)
         return _NOTHING if found is None else found
 
 
@@ -66,7 +69,7 @@ def _outline(source: MaskSource) -> MaskOutline:
 
 
 _NOTHING = MaskOutline((), (1, 1), np.zeros((0, 2, 2)))
-_LARGE = 20_000  # bytes of a packed mask from which its outline is found beside the window
+_LARGE = 4_000  # bytes of a packed mask from which its outline is found beside the window
 OUTLINES = Outlines(_LIMIT)
 
 
@@ -81,7 +84,7 @@ def draw() -> None:
     for region in context.scene.fresco.regions:
         mark = photo.mark(region.uid)
         if mark is not None and mark.image is not None:
-            _draw_mark(context, mark, region, labels, errors.get(region.name))
+            _draw_mark(context, photo.name, mark, region, labels, errors.get(region.name))
     if photo.is_posed:
         rotation, translation, _ = bridge.read_pose(context.scene, photo)
         _draw_projections(context, photo, list(context.scene.fresco.regions), rotation, translation)
@@ -99,14 +102,20 @@ def region_errors(photo: FrescoPhoto) -> dict[str, float]:
 
 
 def _draw_mark(
-    context: bpy.types.Context, mark: FrescoMark, region: FrescoRegion, labels: Labels, error: float | None
+    context: bpy.types.Context,
+    photo: str,
+    mark: FrescoMark,
+    region: FrescoRegion,
+    labels: Labels,
+    error: float | None,
 ) -> None:
-    outline = OUTLINES.of_image(mark.image)
+    name = f"{photo} {region.uid}"
+    outline = OUTLINES.of_image(mark.image, name)
     loops = [to_region(context, loop, outline.size) for loop in outline.loops]
     chosen = region == context.scene.fresco.active_region
     draw_loops(loops, region.color, width=WIDTH + (1.5 if chosen else 0.0))
     if mark.hidden is not None:
-        hidden = OUTLINES.of_image(mark.hidden)
+        hidden = OUTLINES.of_image(mark.hidden, f"{name} hidden")
         lines = to_region(context, hidden.hatching.reshape(-1, 2), hidden.size).reshape(-1, 2, 2)
         draw_segments(lines, region.color)
     if loops:

@@ -11,6 +11,7 @@ import bpy
 from ...core.jobs import Job
 from ..background import beside_job, one_step_job
 from ..jobs import SLICE, StepOperator
+from .levels import WandLevels
 from .prepared import STORE, LastClick
 
 NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "WHEELINMOUSE", "WHEELOUTMOUSE"}
@@ -180,9 +181,9 @@ class WandStroke(MarkingOperator):
         self.steps = round((self.path[-1][0] - self.pressed[0]) / self.step_width) + self.by_key
         return self.released
 
-    def keep_click(self, context: bpy.types.Context, click: Any) -> None:
-        """Let keys change the click later; `click` knows its region `uid` and how to `write` another size."""
-        STORE.click = LastClick(click.uid, self._area.type, click.write)
+    def keep_click(self, context: bpy.types.Context, click: WandLevels[Any]) -> None:
+        """Let keys change the click later."""
+        STORE.click = LastClick(click, self._area.type)
         context.scene.fresco_marking.wand_steps = self.steps
 
 

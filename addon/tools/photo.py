@@ -15,11 +15,12 @@ from ...core.regions.photo.outline import brush_mask, combined, polygon_mask
 from ...core.regions.photo.snap import snap_polygon, snapped_mask_loops
 from ...core.regions.photo.wand import Level, PhotoWand, WandClick
 from ..background import beside_job, one_step_job
-from ..bridge.images import read_mask_pixels
-from ..bridge.regions import region_of
+from ..bridge.images import encode_mask, read_mask_pixels
+from ..bridge.regions import region_of, write_encoded_mark
 from ..overlays.lines import circle, draw_loops
 from ..properties import FrescoPhoto
 from . import targets
+from .levels import WandLevels
 from .modal import BrushStroke, MarkingOperator, WandStroke
 from .prepared import STORE, photo_job
 
@@ -101,30 +102,25 @@ def mark_pixels(mark: object) -> BoolArray | None:
     return None if mark is None or mark.image is None else read_mask_pixels(mark.image)
 
 
-class PhotoClick:
-    """A click of the wand in a photo, kept so that another of its levels can be chosen."""
+class PhotoClick(WandLevels[bytes]):
+    """A click of the wand in a photo; what a level marks is kept as a mask's PNG."""
 
     def __init__(
         self, wand: PhotoWand, found: WandClick, photo: str, uid: int, mode: str, earlier: BoolArray | None
     ) -> None:
-        self.wand, self.found = wand, found
-        self.photo, self.uid, self.mode, self.earlier = photo, uid, mode, earlier
+        super().__init__(found, uid)
+        self.wand, self.photo, self.mode, self.earlier = wand, photo, mode, earlier
 
-    def write(self, context: bpy.types.Context, steps: int) -> bool:
-        """Mark the level `steps` larger than the best; false where there is none."""
-        photo = context.scene.fresco.photos.get(self.photo)
-        region = region_of(context.scene, self.uid)
-        if photo is None or region is None or not within(self.found, steps):
-            return False
-        level: Level = self.found.level(steps)
+    def mark(self, level: Level) -> bytes:
         mask = self.wand.mask(self.wand.finished(level))
-        targets.write_mask(photo, region, combined(self.earlier, mask, self.mode))
+        return encode_mask(combined(self.earlier, mask, self.mode))
+
+    def write(self, context: bpy.types.Context, mark: bytes) -> bool:
+        photo, region = context.scene.fresco.photos.get(self.photo), region_of(context.scene, self.uid)
+        if photo is None or region is None:
+            return False
+        write_encoded_mark(photo, region, mark)
         return True
-
-
-def within(found: WandClick, steps: int) -> bool:
-    """Whether a click has a level so many steps from the best."""
-    return 0 <= found.best + steps < len(found.levels)
 
 
 class DrawnStroke(PhotoStroke):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from ..bridge.colours import read_scan_colours
 from ..bridge.world import matrix_to_array
 from ..properties import FrescoPhoto
 from .cloud import PreparedCloud
+from .levels import WandLevels
 from .views import ViewGeometry
 
 
@@ -70,14 +70,10 @@ class PreparedScan:
 
 @dataclass(eq=False)
 class LastClick:
-    """The wand's last click, so that its tolerance can still be changed by keys.
+    """The wand's last click, so that its tolerance can still be changed by keys in the editor `space`."""
 
-    `write` puts the level so many steps from the best into the region `uid`; it is false when there is none.
-    """
-
-    uid: int
+    levels: WandLevels[Any]
     space: str
-    write: Callable[[bpy.types.Context, int], bool]
 
 
 class Store:

@@ -22,6 +22,7 @@ from ..bridge.regions import region_of
 from ..overlays.lines import circle, draw_loops
 from ..overlays.scan import draw_elements
 from . import targets
+from .levels import WandLevels
 from .modal import BrushStroke, MarkingOperator, WandStroke
 from .photo import PREVIEW
 from .prepared import PreparedScan, face_mask, scan_job
@@ -140,22 +141,23 @@ def grown_surface(scan: PreparedScan, found: SurfaceClick, level: SurfaceLevel) 
     return GrownSurface(found, level, faces, scan.corners(faces))
 
 
-class ScanClick:
-    """A click of the wand on the scan, kept so that another of its levels can be chosen."""
+class ScanClick(WandLevels[IndexArray]):
+    """A click of the wand on the scan; what a level marks is kept as numbers of faces or points (n,)."""
 
     def __init__(
         self, scan: PreparedScan, found: SurfaceClick, uid: int, mode: str, earlier: BoolArray | None
     ) -> None:
-        self.scan, self.found, self.uid, self.mode, self.earlier = scan, found, uid, mode, earlier
+        super().__init__(found, uid)
+        self.scan, self.mode, self.earlier = scan, mode, earlier
 
-    def write(self, context: bpy.types.Context, steps: int) -> bool:
-        """Mark the level `steps` more tolerant than the best; false where there is none."""
+    def mark(self, level: SurfaceLevel) -> IndexArray:
+        return region_faces(self.scan.index, self.found.face, level)
+
+    def write(self, context: bpy.types.Context, mark: IndexArray) -> bool:
         region, scan = region_of(context.scene, self.uid), context.scene.fresco.scan
-        there = 0 <= self.found.best + steps < len(self.found.levels)
-        if region is None or scan is None or not there or element_count(scan.data) != self.scan.count:
+        if region is None or scan is None or element_count(scan.data) != self.scan.count:
             return False
-        faces = region_faces(self.scan.index, self.found.face, self.found.level(steps))
-        stroke = face_mask(faces, self.scan.count)
+        stroke = face_mask(mark, self.scan.count)
         bridge.write_faces(context.scene, region, combined(self.earlier, stroke, self.mode))
         return True
 
