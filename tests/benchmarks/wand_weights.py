@@ -1,10 +1,10 @@
 """Learn the weights of the photo wand from drawn facades: `python tests/benchmarks/wand_weights.py`.
 
 Two clicks on every region of `wand_facades`, one near its middle and one anywhere inside; the wand's own
-candidates there are measured, and each has its overlap (IoU) with the region. A logistic choice among the candidates of a click, which goes to
-those of high overlap, gives the weights. Printed are the overlaps that three-fold cross-validation by facade
-reaches with several doubts (`evidence.DOUBT`), and the weights as `evidence.WEIGHTS` has them. Seeds of other
-facades: `--seeds FIRST COUNT ...`.
+candidates there are measured, and each has its overlap (IoU) with the region. A logistic choice among the
+candidates of a click, which goes to those of high overlap, gives the weights. Printed are the overlaps that
+three-fold cross-validation by facade reaches with several doubts (`evidence.DOUBT`), and the weights as
+`evidence.WEIGHTS` has them. Seeds of other facades: `--seeds FIRST COUNT ...`.
 """
 
 import argparse
