@@ -6,17 +6,13 @@ is written once, in core.
 
 from __future__ import annotations
 
-import ast
 import dataclasses
-import inspect
-import itertools
 import typing
 from typing import Any, TypeVar
 
 import bpy
 import numpy as np
 
-from ..core import settings as core_settings
 from ..core.settings import (
     AtlasSettings,
     EdgeSettings,
@@ -25,24 +21,13 @@ from ..core.settings import (
     PoseSettings,
     ScanSettings,
     TextureSettings,
+    field_texts,
 )
 
 Settings = TypeVar("Settings")
 NONE = -1
 """Blender's number for None in settings that may have none."""
 _LABELS = {"epsg": "EPSG"}
-
-
-def field_texts(dataclass: type) -> dict[str, str]:
-    """Text under each field of a dataclass."""
-    tree = ast.parse(inspect.getsource(core_settings))
-    body = next(n.body for n in tree.body if isinstance(n, ast.ClassDef) and n.name == dataclass.__name__)
-    texts = {}
-    for statement, following in itertools.pairwise(body):
-        is_text = isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant)
-        if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name) and is_text:
-            texts[statement.target.id] = inspect.cleandoc(following.value.value)
-    return texts
 
 
 def _number(default: float, text: str, common: dict[str, Any]) -> Any:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
+import itertools
+import sys
 from dataclasses import dataclass
 from typing import Literal
 
@@ -20,7 +24,7 @@ class ScanSettings:
     """Axis of the file that points up, "z" or "y"; "auto" is y for glTF, whose definition says so, else z."""
 
     offset: tuple[float, float, float] | None = None
-    """Metres taken off the coordinates (world = local + offset); None chooses it."""
+    """Metres taken off the coordinates (world = local + offset); without it they are chosen."""
 
     epsg: int | None = None
     """EPSG code of the map projection that the coordinates are in, such as 25832, for photos that tell where
@@ -57,6 +61,9 @@ class RegionSettings:
 
     surface_levels: int = 12
     """Tolerances that a click on the scan tries, from the scan's noise up, each 1.4 times the one before."""
+
+    surface_frames: int = 12
+    """Frames of straight creases around a click on the scan that dragging can choose from."""
 
     tilt: float = 0.15
     """How far (m per m) the surface may leave the first plane: that one is uncertain far from the click."""
@@ -255,10 +262,11 @@ class AtlasSettings:
     (xatlas), for models that are repainted elsewhere: unseen faces get room as well."""
 
     page_size: int = 4096
-    """Side of a page in pixels; there are as many pages (UDIM tiles) as are needed."""
+    """Side of a page (pixels); there are as many pages (UDIM tiles) as are needed."""
 
     padding: int = 4
-    """Pixels around each chart filled with its colours, so that smaller mip levels stay clean."""
+    """Width (pixels) of the rim around each chart that is filled with its colours, so that smaller mip levels
+    stay clean."""
 
     depth: Literal[8, 16] = 8
     """Bits per channel."""
@@ -304,3 +312,16 @@ class EdgeSettings:
 
     seed: int = 0
     """Start of the random numbers: the same photo gives the same pose."""
+
+
+def field_texts(dataclass: type) -> dict[str, str]:
+    """Text under each field of a dataclass, here or in another module."""
+    tree = ast.parse(inspect.getsource(sys.modules[dataclass.__module__]))
+    classes = {node.name: node.body for node in tree.body if isinstance(node, ast.ClassDef)}
+    texts = {}
+    for field, text in itertools.pairwise(classes[dataclass.__name__]):
+        if not isinstance(field, ast.AnnAssign) or not isinstance(field.target, ast.Name):
+            continue
+        if isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
+            texts[field.target.id] = inspect.cleandoc(str(text.value.value))
+    return texts

@@ -33,11 +33,16 @@ _TIES_ALONG = 30
 
 @dataclass(frozen=True)
 class RefineSettings:
-    """Which refinements run, and how; None leaves one out. `lenses`: the joint one adjusts them, too."""
+    """Which refinements run, and how."""
 
     edges: EdgeSettings | None = None
+    """Every photo by the edges of the scan."""
+
     joint: JointSettings | None = None
+    """All photos together, by what two of them show of the same surface."""
+
     lenses: bool = False
+    """The joint refinement adjusts focal length, principal point and radial distortion of each lens, too."""
 
 
 def refine_poses(

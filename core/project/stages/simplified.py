@@ -24,10 +24,13 @@ from .textures import TexturedScan
 
 @dataclass(frozen=True)
 class SimplifySettings:
-    """How far to simplify: to a number of `faces`, or to the fewest that hold a `tolerance` (m)."""
+    """How far to simplify: to a number of faces, or to the fewest that hold a tolerance."""
 
     faces: int | None = None
+    """Faces that are left."""
+
     tolerance: float | None = None
+    """Distance (m) from the scan that 95 % of the surface may have."""
 
 
 @dataclass(frozen=True, eq=False)
