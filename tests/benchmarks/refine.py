@@ -25,7 +25,7 @@ from fresco.core.jobs import drain
 from fresco.core.photos import View
 from fresco.core.pose import estimate_pose_from_points, refine_pose_by_edges, refine_poses_jointly
 from fresco.core.pose.edges import refine_pose_on_scan_job
-from fresco.core.pose.edges.rendering import Scan
+from fresco.core.pose.edges.rendering import EdgeScan
 from fresco.core.pose.joint.similarity import umeyama
 from fresco.core.project import load_project, run_project
 from fresco.core.project.stages.refinement import RefineSettings
@@ -190,7 +190,7 @@ def real_table(options):
         starts.append([disturbed(view, 0.16, 0.02, rng) for view in views])
     clock = time.process_time()
     sigma = np.repeat([np.radians(0.16), 0.02], 3) / np.sqrt(3)
-    prepared = Scan.centred(vertices, faces)
+    prepared = EdgeScan.centred(vertices, faces)
     rough = [[replace(start, covariance=np.diag(sigma**2)) for start in draw] for draw in starts]
     edges = [[drain(refine_pose_on_scan_job(start, prepared)) for start in draw] for draw in rough]
     seconds.append((time.process_time() - clock) / len(starts) / len(views))

@@ -72,8 +72,9 @@ def far_move(alignment: Alignment, prior: PosePrior) -> str:
         return ""
     angle, way = np.degrees(np.linalg.norm(step[:3])), 100 * np.linalg.norm(step[3:])
     return (
-        f"The edges would turn the photo by {angle:.2f} degrees and move it by {way:.1f} cm, much more than "
-        "the pose is uncertain by: it was kept. Improve it by points or regions first."
+        f"The edges would turn the photo by {angle:.2f} degrees and move it by {way:.1f} cm; of poses as "
+        "sure as this one not one in a thousand is so far off: it was kept. Improve it by points or regions "
+        "first."
     )
 
 

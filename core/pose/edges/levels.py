@@ -10,7 +10,7 @@ from ...settings import EdgeSettings
 from ..points.pictures import read_view, read_view_mask
 from .alignment import Photo, PosePrior
 from .photo_edges import photo_edge_field
-from .rendering import ROUGH, Scan
+from .rendering import ROUGH, EdgeScan
 from .scan_edges import ScanEdges
 
 COARSEST = 480.0
@@ -23,14 +23,14 @@ TILES = 32
 """The longer side of a photo is cut into so many tiles that either take part in the fit or do not."""
 
 
-def photo_at(view: View, scale: float, scan: Scan, settings: EdgeSettings) -> Photo:
+def photo_at(view: View, scale: float, scan: EdgeScan, settings: EdgeSettings) -> Photo:
     """The photo's edges at `scale`; those of a noisy scan are doubted more."""
     field = photo_edge_field(read_view(view, scale), read_view_mask(view, scale))
     doubt = 0.75 * settings.search * min(1.0, scan.noise / ROUGH)
     return Photo(view.camera.scaled(scale), field, settings.search, float(doubt))
 
 
-def triangle_size(view: View, prior: PosePrior, scan: Scan) -> float:
+def triangle_size(view: View, prior: PosePrior, scan: EdgeScan) -> float:
     """Median side of the scan's triangles as seen from the pose, in pixels of the full photo."""
     camera = view.camera
     columns, rows = np.linspace(0, camera.width - 1, 48), np.linspace(0, camera.height - 1, 48)
@@ -44,7 +44,7 @@ def triangle_size(view: View, prior: PosePrior, scan: Scan) -> float:
     return float(np.nanmedian(side / hits.distance[struck] / angular_resolution(camera, pixels[struck])))
 
 
-def finest_scale(view: View, prior: PosePrior, scan: Scan, settings: EdgeSettings) -> float:
+def finest_scale(view: View, prior: PosePrior, scan: EdgeScan, settings: EdgeSettings) -> float:
     """Largest image scale that makes sense: a noisy scan has no fine edges."""
     largest = max(view.camera.width, view.camera.height)
     scale = min(1.0, settings.photo_size / largest)

@@ -22,7 +22,7 @@ from .checks import (
     open_direction,
 )
 from .levels import divided_edges, finest_scale, photo_at
-from .rendering import Scan
+from .rendering import EdgeScan
 from .scan_edges import ScanEdges, find_scan_edges
 from .search import Start, search_start_job
 
@@ -66,7 +66,7 @@ def refine_pose_by_edges(
     and where two halves of the photo contradict each other; a small contradiction widens the covariance.
     Raises `PhotoError` for a photo that cannot be read. Source: method.md 2.6.
     """
-    scan = Scan.centred(vertices, faces, vertex_colors)
+    scan = EdgeScan.centred(vertices, faces, vertex_colors)
     return drain(refine_pose_on_scan_job(view, scan, settings))
 
 
@@ -79,12 +79,14 @@ def refine_pose_by_edges_job(
 ) -> Job[EdgePose]:
     """Job of `refine_pose_by_edges`."""
     yield Progress(0.0, "Preparing the scan")
-    scan = Scan.centred(vertices, faces, vertex_colors)
+    scan = EdgeScan.centred(vertices, faces, vertex_colors)
     return (yield from part(refine_pose_on_scan_job(view, scan, settings), 0.1, 1.0))
 
 
-def refine_pose_on_scan_job(view: View, scan: Scan, settings: EdgeSettings | None = None) -> Job[EdgePose]:
-    """`refine_pose_by_edges` on a scan that was made ready once for many photos, see `Scan.centred`."""
+def refine_pose_on_scan_job(
+    view: View, scan: EdgeScan, settings: EdgeSettings | None = None
+) -> Job[EdgePose]:
+    """`refine_pose_by_edges` on a scan that was made ready once for many photos, see `EdgeScan.centred`."""
     settings = settings or EdgeSettings()
     prior = _prior(view, scan.origin, settings)
     start = yield from part(search_start_job(view, scan, prior, settings), 0.0, 0.3)
@@ -109,7 +111,7 @@ class _Case:
     """A photo and a scan, the pose before with its covariance, and where the search led."""
 
     view: View
-    scan: Scan
+    scan: EdgeScan
     settings: EdgeSettings
     prior: PosePrior
     start: Start

@@ -23,7 +23,7 @@ ROWS = 64
 
 
 @dataclass(frozen=True, eq=False)
-class Scan:
+class EdgeScan:
     """A mesh made ready for rendering: vertices (V,3) m, faces (F,3), colours (V,C) of 0 to 255 or None.
 
     `normals`: unit normals at the corners of the faces (F,3,3), averaged over neighbours, where the scan is
@@ -45,14 +45,14 @@ class Scan:
         return bool(self.noise > SMOOTH)
 
     @classmethod
-    def centred(cls, vertices: ArrayLike, faces: ArrayLike, colors: ArrayLike | None = None) -> Scan:
+    def centred(cls, vertices: ArrayLike, faces: ArrayLike, colors: ArrayLike | None = None) -> EdgeScan:
         """Prepare a mesh relative to its middle, `origin`: world coordinates may be millions of metres."""
         points = np.asarray(vertices, dtype=np.float64)
         origin = points.mean(axis=0) if len(points) else np.zeros(3)
         return replace(cls.of_mesh(points - origin, faces, colors), origin=origin)
 
     @classmethod
-    def of_mesh(cls, vertices: FloatArray, faces: ArrayLike, colors: ArrayLike | None = None) -> Scan:
+    def of_mesh(cls, vertices: FloatArray, faces: ArrayLike, colors: ArrayLike | None = None) -> EdgeScan:
         """Prepare vertices (V,3) m, faces (F,3) and colours (V,), (V,3) or (V,4), bytes or 0 to 1."""
         triangles = np.asarray(faces, dtype=np.int64)
         flat, area = face_normals(vertices, triangles)
@@ -87,7 +87,7 @@ class Rendering:
     colors: FloatArray | None
 
 
-def render_scan(camera: Camera, rotation: FloatArray, centre: FloatArray, scan: Scan) -> Rendering:
+def render_scan(camera: Camera, rotation: FloatArray, centre: FloatArray, scan: EdgeScan) -> Rendering:
     """Cast one ray per pixel of `camera`, whatever its model, from a pose (3,3), (3,) m."""
     parts = []
     columns = np.arange(camera.width, dtype=np.float64)
@@ -106,7 +106,7 @@ def render_scan(camera: Camera, rotation: FloatArray, centre: FloatArray, scan: 
 
 
 def _cast(
-    rays: FloatArray, rotation: FloatArray, centre: FloatArray, scan: Scan
+    rays: FloatArray, rotation: FloatArray, centre: FloatArray, scan: EdgeScan
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Hit, distance, camera-frame normal and colour of rays (N,3)."""
     directions = rays @ rotation

@@ -11,7 +11,7 @@ from ...arrays import BoolArray, Float32Array, FloatArray, IndexArray
 from ...cameras.base import Camera
 from ...settings import EdgeSettings
 from .photo_edges import structure_tensor
-from .rendering import ROUGH, Rendering, Scan, render_scan
+from .rendering import ROUGH, EdgeScan, Rendering, render_scan
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class ScanEdges:
 
 
 def find_scan_edges(
-    camera: Camera, rotation: FloatArray, centre: FloatArray, scan: Scan, settings: EdgeSettings
+    camera: Camera, rotation: FloatArray, centre: FloatArray, scan: EdgeScan, settings: EdgeSettings
 ) -> ScanEdges:
     """Edges of the scan with sub-pixel position and direction, from a pose (3,3), (3,) m.
 

@@ -14,7 +14,7 @@ from ..points.perturbation import step_pose
 from .alignment import Photo, PosePrior
 from .levels import finest_scale, photo_at
 from .patches import PatchMaps, patch_maps, shift_sigma
-from .rendering import Scan
+from .rendering import EdgeScan
 from .scan_edges import ScanEdges, find_scan_edges
 
 SIZE = 400.0
@@ -63,7 +63,7 @@ class Start:
     rival: float
 
 
-def search_start_job(view: View, scan: Scan, prior: PosePrior, settings: EdgeSettings) -> Job[Start]:
+def search_start_job(view: View, scan: EdgeScan, prior: PosePrior, settings: EdgeSettings) -> Job[Start]:
     """Pose within the prior's covariance to which most patches of the scan's edges shift.
 
     Without any edges it is the prior's. Source: likelihood of template maps summed over a rigid set of
@@ -93,7 +93,7 @@ def search_start_job(view: View, scan: Scan, prior: PosePrior, settings: EdgeSet
 
 
 def _seen(
-    view: View, scale: float, scan: Scan, prior: PosePrior, settings: EdgeSettings
+    view: View, scale: float, scan: EdgeScan, prior: PosePrior, settings: EdgeSettings
 ) -> tuple[Photo, ScanEdges, float]:
     """The photo at a scale, the scan's edges in it, and the prior's standard deviation there (px)."""
     photo = photo_at(view, scale, scan, settings)

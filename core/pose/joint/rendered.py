@@ -15,7 +15,7 @@ from ...errors import PoseNotFound
 from ...jobs import Job, Progress, drain, part
 from ...photos.view import View
 from ...settings import JointSettings, PointSettings
-from ..edges.rendering import Scan, render_scan
+from ..edges.rendering import EdgeScan, render_scan
 from ..points.estimate import PointPose, estimate_pose_from_points_job
 from ..points.pictures import read_view
 from .features import Features, detect_features
@@ -45,7 +45,7 @@ def render_colored_scan(
     origin = points.mean(axis=0)
     turned = np.asarray(rotation, dtype=np.float64)
     centre = -turned.T @ np.asarray(translation, dtype=np.float64) - origin
-    seen = render_scan(camera, turned, centre, Scan.of_mesh(points - origin, faces, vertex_colors))
+    seen = render_scan(camera, turned, centre, EdgeScan.of_mesh(points - origin, faces, vertex_colors))
     rows, columns = np.mgrid[0 : camera.height, 0 : camera.width]
     rays = camera.unproject(np.stack([columns.ravel(), rows.ravel()], axis=1).astype(np.float64))
     met = centre + origin + (rays @ turned).reshape(*seen.hit.shape, 3) * seen.distance[..., None]

@@ -15,7 +15,7 @@ from ...jobs import Job, Progress, drain, part
 from ...photos.photo import Photo
 from ...photos.view import View
 from ...pose.edges import EdgePose, refine_pose_on_scan_job
-from ...pose.edges.rendering import Scan as EdgeScan
+from ...pose.edges.rendering import EdgeScan
 from ...pose.joint import JointPose, LensFit, TieResiduals, refine_poses_jointly_job
 from ...pose.pose import Pose
 from ...scans.scan import Scan

@@ -14,7 +14,7 @@ from ...jobs import Job, Progress, drain
 from ...photos.view import View
 from ...pose.edges.alignment import match_edges
 from ...pose.edges.photo_edges import EdgeField, photo_edge_field
-from ...pose.edges.rendering import Scan as EdgeScan
+from ...pose.edges.rendering import EdgeScan
 from ...pose.edges.scan_edges import ScanEdges, find_scan_edges
 from ...pose.joint import TieResiduals
 from ...pose.points.pictures import read_view, read_view_mask

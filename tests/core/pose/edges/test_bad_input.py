@@ -10,7 +10,7 @@ from fresco.core.geometry.rigid import log_so3
 from fresco.core.jobs import drain
 from fresco.core.pose import refine_pose_by_edges
 from fresco.core.pose.edges import refine_pose_on_scan_job
-from fresco.core.pose.edges.rendering import Scan
+from fresco.core.pose.edges.rendering import EdgeScan
 from scipy.stats import chi2
 
 UNLIKELY = chi2.ppf(0.999, 6)
@@ -53,7 +53,7 @@ def test_scan_that_covers_a_third_of_the_photo(wall, view, disturb):
 
 def test_noisy_scan_prepared_once_serves_several_photos(wall, view, disturb):
     noise = np.random.default_rng(7).normal(0, 0.002, wall.vertices.shape)
-    scan = Scan.centred(wall.vertices + noise, wall.faces)
+    scan = EdgeScan.centred(wall.vertices + noise, wall.faces)
     assert scan.noisy
     for seed in (45, 46):
         start = replace(disturb(view, 0.3, 0.03, seed), covariance=np.diag(np.repeat([0.003, 0.018], 3) ** 2))

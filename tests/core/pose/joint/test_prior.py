@@ -15,7 +15,7 @@ from fresco.core.geometry.rigid import exp_so3, log_so3, skew
 from fresco.core.pose import estimate_pose, refine_pose_by_edges, refine_poses_jointly
 from fresco.core.pose.edges.alignment import Photo, PosePrior, align_edges
 from fresco.core.pose.edges.photo_edges import photo_edge_field
-from fresco.core.pose.edges.rendering import Scan
+from fresco.core.pose.edges.rendering import EdgeScan
 from fresco.core.pose.edges.scan_edges import find_scan_edges
 from fresco.core.pose.points.perturbation import invert_scaled
 from fresco.core.pose.regions.contour import match, robust_weights
@@ -124,7 +124,7 @@ def test_edges_matched_anew_stay_within_the_doubt(wall, views):
     assert sum(pose.refined for pose in edges) >= 2
     before = jointly([told_by(v, p) for v, p in zip(starts, edges, strict=True)], wall)
     origin = wall.vertices.mean(axis=0)
-    scan = Scan.of_mesh(wall.vertices - origin, wall.faces, None)
+    scan = EdgeScan.of_mesh(wall.vertices - origin, wall.faces, None)
     anew = []
     for start, by_edges, pose in zip(starts, edges, before, strict=True):
         if not by_edges.refined:
