@@ -71,9 +71,27 @@ class FrescoPick(bpy.types.PropertyGroup):
     offset: bpy.props.FloatVectorProperty(size=2, description="Picked minus projected pixel")
 
 
+def _point_renamed(self: FrescoPoint, _context: bpy.types.Context) -> None:
+    """Let the picks of a point follow its new name; a name that is taken, or none, is not accepted."""
+    if self.name == self.known_as:
+        return
+    fresco = self.id_data.fresco
+    taken = sum(point.name == self.name for point in fresco.points) > 1
+    if self.known_as and (taken or not self.name):
+        self.name = self.known_as
+        return
+    for photo in fresco.photos if self.known_as else ():
+        pick = photo.picks.get(self.known_as)
+        if pick is not None:
+            pick.name = self.name
+    self.known_as = self.name
+
+
 class FrescoPoint(bpy.types.PropertyGroup):
     """A point with known coordinates."""
 
+    name: bpy.props.StringProperty(name="Name", update=_point_renamed)
+    known_as: bpy.props.StringProperty(description="Name under which photos have its pixels")
     place: bpy.props.FloatVectorProperty(
         name="Place",
         size=3,

@@ -11,6 +11,7 @@ from ...core.pose.points.survey import Survey
 from ...core.project import PhotoPose
 from ..properties import FrescoPhoto
 from .meshes import is_cloud, read_vertices
+from .photos import read_camera, read_pose
 
 _EXACT = 0.003  # radians, some pixels of a view
 
@@ -75,6 +76,21 @@ def write_residuals(photo: FrescoPhoto, result: PhotoPose) -> None:
         if item is not None:
             item.offset = point.residual
             item.residual, item.used = float(np.hypot(*point.residual)), point.used
+
+
+def write_check_residuals(scene: bpy.types.Scene, photo: FrescoPhoto) -> None:
+    """Keep how far the points whose tick is off lie from where the photo's pose puts them."""
+    rotation, translation, _ = read_pose(scene, photo)
+    camera, points = read_camera(photo), scene.fresco.points
+    for pick in photo.picks:
+        point = points.get(pick.name)
+        if pick.active or point is None:
+            continue
+        projected = camera.project(np.array([point.place[:]]) @ rotation.T + translation)[0]
+        offset = np.array(pick.pixel[:]) - projected
+        seen = bool(np.all(np.isfinite(offset)))
+        pick.offset = offset if seen else (0.0, 0.0)
+        pick.residual, pick.used = float(np.hypot(*offset)) if seen else -1.0, False
 
 
 def point_on_scan(context: bpy.types.Context, origin: Vector, direction: Vector) -> FloatArray | None:

@@ -273,6 +273,7 @@ class FRESCO_OT_pose_from_points(JobOperator):
         item = context.scene.fresco.photos[result.photo]
         photos_bridge.write_solution(context.scene, item, result)
         bridge.write_residuals(item, result)
+        bridge.write_check_residuals(context.scene, item)
         used = sum(point.used for point in result.points)
         self.report({"INFO"}, f"{result.photo}: {used} of {len(result.points)} points hold its pose")
 

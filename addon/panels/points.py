@@ -41,6 +41,9 @@ class FRESCO_UL_points(bpy.types.UIList):
             right.label(text="not picked")
         elif pick.residual < 0:
             right.label(text=f"{pick.pixel[0]:.1f}, {pick.pixel[1]:.1f}")
+        elif not pick.active:
+            right.active = False
+            right.label(text=f"{pick.residual:.2f} px  check")
         else:
             right.alert = not pick.used
             right.label(text=f"{pick.residual:.2f} px" + ("" if pick.used else "  wrong"))

@@ -36,6 +36,17 @@ def test_points_are_read_and_removed_with_their_picks(surveyed, module):
     assert bridge.next_name(surveyed) == "P2"
 
 
+def test_a_renamed_point_keeps_its_picks_and_names_stay_different(surveyed, module):
+    points, photo = surveyed.fresco.points, surveyed.fresco.photos[0]
+    module("addon.bridge.points").write_pick(photo, "P2", (10, 20))
+    points["P2"].name = "gate post"
+    assert tuple(photo.picks["gate post"].pixel) == (10, 20) and "P2" not in photo.picks
+    points["gate post"].name = "P1"
+    points["gate post"].name = ""
+    assert [point.name for point in points][:3] == ["P1", "gate post", "P3"]
+    assert "gate post" in photo.picks
+
+
 def test_a_pose_from_points_tells_residuals_and_wrong_points(surveyed, room, module):
     bridge, photo = module("addon.bridge.points"), surveyed.fresco.photos[1]
     surveyed.fresco.photo_index = 1
@@ -52,6 +63,8 @@ def test_a_pose_from_points_tells_residuals_and_wrong_points(surveyed, room, mod
     photo.picks["P3"].active = False
     bpy.ops.fresco.pose_from_points()
     assert "P3" not in photo.message
+    assert photo.picks["P3"].residual == pytest.approx(60 * 2**0.5, abs=0.5)  # a check now
+    assert not photo.picks["P3"].used and photo.picks["P1"].used
     for pick in list(photo.picks)[3:]:
         pick.active = False
     assert not bpy.ops.fresco.pose_from_points.poll()
