@@ -21,7 +21,7 @@ def starting_poses(chart: Chart, outline: Edges, surface: Edges) -> Candidates:
     is read from their moments up to order 4, for either side of the surface; the affine map gives two tilts.
     Costs are left at zero. Source: method.md 2.4; weak perspective.
     """
-    image_map, image_normal = _normalised(outline)
+    image_map, image_normal = normalised_shape(outline)
     centre, frames, plane = _plane_frames(surface)
     whitening = np.linalg.inv(np.linalg.cholesky(boundary_gram(*image_normal, ORDER, SMOOTHNESS)))
     target = edge_moments(*image_normal, ORDER)
@@ -30,8 +30,8 @@ def starting_poses(chart: Chart, outline: Edges, surface: Edges) -> Candidates:
         edges = (mirrored[0], mirrored[1])
         if _area(edges) < 0:
             edges = (edges[1], edges[0])
-        surface_map, surface_normal = _normalised(edges)
-        for angle in _angles(edge_moments(*surface_normal, ORDER), target, whitening):
+        surface_map, surface_normal = normalised_shape(edges)
+        for angle in matching_turns(edge_moments(*surface_normal, ORDER), target, whitening):
             turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
             affine = np.linalg.inv(image_map[0]) @ turn @ surface_map[0]
             shift = image_map[1] - affine @ surface_map[1]
@@ -46,7 +46,7 @@ def _area(edges: Edges) -> float:
     return 0.5 * float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
 
 
-def _normalised(edges: Edges) -> tuple[tuple[FloatArray, FloatArray], Edges]:
+def normalised_shape(edges: Edges) -> tuple[tuple[FloatArray, FloatArray], Edges]:
     """Map `N (x - mean)` to zero mean and unit second moments, as (N, mean), and the mapped edges."""
     area, mx, my, xx, xy, yy = edge_moments(*edges, 2)
     mean = np.array([mx, my]) / area
@@ -76,7 +76,7 @@ def _plane_frames(surface: Edges) -> tuple[FloatArray, list[FloatArray], FloatAr
     return origin, [front, back], plane
 
 
-def _angles(moments: FloatArray, target: FloatArray, whitening: FloatArray) -> FloatArray:
+def matching_turns(moments: FloatArray, target: FloatArray, whitening: FloatArray) -> FloatArray:
     """Turns (rad) at which the whitened moment difference has its lowest local minima."""
     residual = (rotated_moments(moments, ANGLES, ORDER) - target) @ whitening.T
     cost = np.sum(residual * residual, axis=1)

@@ -111,7 +111,7 @@ def make_problem(
     """
     _check_numbers(image_regions, surface_regions, paired)
     for region in image_regions:
-        _check_image_region(camera, region)
+        check_image_region(camera, region)
     origin = _origin(surface_regions)
     edges = open_edges(camera)
     surfaces = [
@@ -174,15 +174,22 @@ def _outline_pair(
 ) -> OutlinePair:
     loops = tuple(loop for region in regions for loop in _without_speckles(region.loops, _pixel_area))
     hidden = _beyond_frame(camera, loops)
-    partial = False
-    if hidden is not None:
-        touched = [np.any(_near_edges(camera, loop), axis=0) for loop in loops]
-        partial = bool(np.any(np.any(touched, axis=0) & edges))
+    partial = hidden is not None and _cut_off(camera, edges, loops)
     for region in regions:
         if region.hidden is not None:
             hidden = region.hidden if hidden is None else hidden | region.hidden
             partial = partial or _share_hidden(loops, region.hidden) > WHOLE
     return OutlinePair(loops, tuple(surfaces), hidden, partial)
+
+
+def touches_frame(camera: Camera, region: ImageRegion) -> bool:
+    """Whether the photo's edge cuts a region off."""
+    return _cut_off(camera, open_edges(camera), region.loops)
+
+
+def _cut_off(camera: Camera, edges: BoolArray, loops: Sequence[FloatArray]) -> bool:
+    touched = [np.any(_near_edges(camera, loop), axis=0) for loop in loops]
+    return bool(np.any(np.any(touched, axis=0) & edges))
 
 
 def _near_edges(camera: Camera, loop: FloatArray) -> BoolArray:
@@ -229,7 +236,7 @@ def _usable_for_moments(
     )
 
 
-def _check_image_region(camera: Camera, region: ImageRegion) -> None:
+def check_image_region(camera: Camera, region: ImageRegion) -> None:
     """Refuse a region of the photo that cannot give a pose.
 
     Raises
