@@ -33,8 +33,8 @@ OVERLAP_LIMIT = 20.0
 """Overlap error (%) from which two regions do not show the same plane."""
 
 OPEN = (
-    "The outlines leave open how their insides lie on each other, as triangles and ovals do: mark a region with "
-    "at least four corners, or several planes together."
+    "The outlines leave open how their insides lie on each other, as triangles and ovals do: mark a region "
+    "with at least four corners, or several planes together."
 )
 
 LOCKED = 5.0

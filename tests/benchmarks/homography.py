@@ -1,4 +1,4 @@
-"""Benchmark of homographies from regions: `python tests/benchmarks/homography.py [--write] [--count N] [--seed S]`.
+"""Benchmark of homographies: `python tests/benchmarks/homography.py [--write] [--count N] [--seed S]`.
 
 Single planes between two perspective photos, and five photos of three planes, with the shapes of the pose
 benchmark and boundary errors in both photos; `--write` puts the tables into docs/benchmarks.md. CPU times.
@@ -128,43 +128,63 @@ def network_case(rng, error):
     )
 
 
+SINGLE = (
+    "one plane, two photos", "carried px", "% of size", "told px", "coincide %", "ambiguous %", "refused %",
+    "rotation °", "direction °", "plane °", "distance %", "s",
+)  # fmt: skip
+SEVERAL = (
+    f"{PHOTOS} photos, {PLANES} planes", "rotation °", "all within 0.5 ° %", "centre mm", "normals °",
+    "distances %", "coincide %", "s",
+)  # fmt: skip
+
+
+def row(*cells):
+    return f"| {' | '.join(cells)} |"
+
+
+def single_row(error, count, seed):
+    rng = np.random.default_rng(seed)
+    cases = [single_case(rng, error) for _ in range(count)]
+    known = np.array([case for case in cases if case is not None], dtype=float)
+    off, relative, told, _, _, rotation, direction, tilt, away, seconds = np.median(known, axis=0)
+    shares = [*np.mean(known[:, 3:5], axis=0), 1 - len(known) / count]
+    return row(
+        f"boundary error {100 * error:.0f} %",
+        *(f"{value:.2f}" for value in (off, relative, told)),
+        *(f"{100 * share:.0f}" for share in shares),
+        *(f"{value:.2f}" for value in (rotation, direction, tilt, away, seconds)),
+    )
+
+
+def several_row(error, count, seed):
+    rng = np.random.default_rng(seed)
+    cases = np.array([network_case(rng, error) for _ in range(max(count // 4, 2))], dtype=float)
+    rotation, _, centre, tilt, away, _, seconds = np.median(cases, axis=0)
+    return row(
+        f"boundary error {100 * error:.0f} %",
+        f"{rotation:.3f}",
+        f"{100 * np.mean(cases[:, 1] < 0.5):.0f}",
+        *(f"{value:.3f}" for value in (centre, tilt, away)),
+        f"{100 * np.mean(cases[:, 5]):.0f}",
+        f"{seconds:.1f}",
+    )
+
+
 def tables(count, seed):
     lines = [
-        f"`python tests/benchmarks/homography.py --write` (seed {seed}, {count} cases a row, boundary errors in both",
-        "photos as in the table of poses). *Carried*: points of the outline carried to the second photo, rms; *told*:",
-        "the error that the result states; *plane*: with the pose known.",
+        f"`python tests/benchmarks/homography.py --write` (seed {seed}, {count} cases a row, a quarter of it",
+        "with five photos; shapes and boundary errors as for poses, in every photo). Medians. *Carried*:",
+        "points of the outline carried to the second photo, rms; *told*: the error that the result states;",
+        "*plane* and *distance*: with the pose known.",
         "",
-        "| one plane, two photos | carried px | % of size | told px | coincide % | ambiguous % | refused % | rotation ° "
-        "| direction ° | plane ° | distance % | s |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for error in ERRORS:
-        rng = np.random.default_rng(seed)
-        cases = [single_case(rng, error) for _ in range(count)]
-        known = np.array([case for case in cases if case is not None], dtype=float)
-        middle, share = np.median(known, axis=0), 100 * np.mean(known[:, 3:5], axis=0)
-        lines.append(
-            f"| boundary error {100 * error:.0f} % | {middle[0]:.2f} | {middle[1]:.2f} | {middle[2]:.2f} | {share[0]:.0f} "
-            f"| {share[1]:.0f} | {100 * (1 - len(known) / count):.0f} | {middle[5]:.2f} | {middle[6]:.2f} "
-            f"| {middle[7]:.2f} | {middle[8]:.2f} | {middle[9]:.2f} |"
-        )
-        print(lines[-1], flush=True)
-    lines += [
+        row(*SINGLE),
+        "|" + "---|" * len(SINGLE),
+        *(single_row(error, count, seed) for error in ERRORS),
         "",
-        f"| {PHOTOS} photos, {PLANES} planes | rotation ° | all within 0.5 ° % | centre mm | normals ° | distances % | "
-        "coincide % | s |",
-        "|---|---|---|---|---|---|---|---|",
+        row(*SEVERAL),
+        "|" + "---|" * len(SEVERAL),
+        *(several_row(error, count, seed) for error in ERRORS[:3]),
     ]
-    for error in ERRORS[:3]:
-        rng = np.random.default_rng(seed)
-        cases = np.array([network_case(rng, error) for _ in range(max(count // 4, 2))], dtype=float)
-        middle = np.median(cases, axis=0)
-        lines.append(
-            f"| boundary error {100 * error:.0f} % | {middle[0]:.3f} | {100 * np.mean(cases[:, 1] < 0.5):.0f} "
-            f"| {middle[2]:.2f} | {middle[3]:.3f} | {middle[4]:.3f} | {100 * np.mean(cases[:, 5]):.0f} "
-            f"| {middle[6]:.1f} |"
-        )
-        print(lines[-1], flush=True)
     return "\n".join(lines)
 
 
@@ -175,6 +195,7 @@ def main():
     parser.add_argument("--write", action="store_true")
     options = parser.parse_args()
     text = tables(options.count, options.seed)
+    print(text)
     if options.write:
         begin, end = "<!-- homographies -->", "<!-- /homographies -->"
         head, rest = DOCUMENT.read_text().split(begin, 1)
