@@ -27,8 +27,8 @@ class ScanSettings:
     """Metres taken off the coordinates (world = local + offset); without it they are chosen."""
 
     epsg: int | None = None
-    """EPSG code of the map projection that the coordinates are in, such as 25832, for photos that tell where
-    they were taken; without it solved photos show how satellite positions lie in the scan."""
+    """EPSG code of the UTM zone that the coordinates are in, such as 25832, for photos that tell where they
+    were taken; without it solved photos show how satellite positions lie in the scan."""
 
     offset_limit: float = 10_000.0
     """An axis with larger coordinates (m) gets an offset: single precision keeps 1 mm up to about 16 km."""

@@ -7,15 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pyproj
 
 from ..arrays import FloatArray
 from ..errors import PhotoError
+from ..geometry.transverse_mercator import TransverseMercator, utm_zone
 from .position import Position
 
-_WGS84 = "EPSG:4326"
 _GEOID = 50.0  # m: heights above the sea and above the ellipsoid differ by up to twice as much
-_METRE = 1.0
+_DATUM = 2.0  # m: within that the datums of the zones are one
 _LEAST_CONCENTRATION = 4.0  # 1/rad²: below, the turn is uncertain by more than half a radian
 
 
@@ -27,7 +26,7 @@ class Georeference:
     `turn` in rad anticlockwise. `sigma`, `height_sigma` (m) and `turn_sigma` (rad) are standard deviations.
     """
 
-    projection: pyproj.Transformer
+    projection: TransverseMercator
     anchor: FloatArray
     shift: FloatArray
     turn: float
@@ -49,23 +48,19 @@ class Georeference:
 
 
 def georeference_from_epsg(code: int) -> Georeference:
-    """World of a scan whose coordinates are those of a projected system in metres, by its EPSG code.
+    """World of a scan whose coordinates are those of a UTM zone, by its EPSG code.
 
     Heights are taken as they are, to 50 m: scans have them above the sea, above the ellipsoid, or above a
-    point of their own. Raises PhotoError for a code that is none, or not of a projected system in metres.
+    point of their own. Raises PhotoError for another code.
     """
-    advice = "give that of the scan's map projection, such as 25832 for UTM zone 32"
-    try:
-        system = pyproj.CRS.from_epsg(code)
-    except pyproj.exceptions.CRSError as error:
-        raise PhotoError(f"EPSG {code} is no coordinate system; {advice}") from error
-    axes = system.axis_info[:2]
-    if not system.is_projected or any(axis.unit_conversion_factor != _METRE for axis in axes):
-        raise PhotoError(f"EPSG {code} ({system.name}) is no map projection in metres; {advice}")
+    projection = utm_zone(code)
+    if projection is None:
+        raise PhotoError(
+            f"EPSG {code} is no UTM zone that Fresco knows, such as 25832 or 32632. For a scan in another "
+            "system leave the code out (-1), and solve two photos that tell their position."
+        )
     origin = np.zeros(2)
-    projection = pyproj.Transformer.from_crs(_WGS84, system, always_xy=True)
-    sigma = max(projection.accuracy, 1.0)  # -1 where it is not known
-    return Georeference(projection, origin, origin, 0.0, sigma, 0.0, 0.0, _GEOID)
+    return Georeference(projection, origin, origin, 0.0, _DATUM, 0.0, 0.0, _GEOID)
 
 
 def georeference(epsg: int | None, photos: Sequence[PlacedPhoto]) -> Georeference:
@@ -131,7 +126,7 @@ def _baselines(plane: FloatArray, centres: FloatArray, weights: FloatArray) -> c
     return complex(np.sum(weights * np.conj(a) * b))
 
 
-def _compass_turn(projection: pyproj.Transformer, photo: PlacedPhoto) -> complex:
+def _compass_turn(projection: TransverseMercator, photo: PlacedPhoto) -> complex:
     """Turn that a photo's direction tells, as `_baselines` gives it; 0 where it tells none."""
     direction = photo.position.direction
     level = float(np.hypot(*photo.forward[:2]))
@@ -154,30 +149,19 @@ def _rise(photos: Sequence[PlacedPhoto]) -> tuple[float, float]:
     return float(np.average(rises, weights=weights)), sum(weights) ** -0.5
 
 
-def _local_projection(photos: Sequence[PlacedPhoto]) -> pyproj.Transformer:
-    """Transverse Mercator around the photos, without scale in their middle."""
+def _local_projection(photos: Sequence[PlacedPhoto]) -> TransverseMercator:
+    """Plane around the photos, without scale in their middle."""
     latitude = float(np.mean([photo.position.latitude for photo in photos]))
-    longitude = photos[0].position.longitude
-    local = {"proj": "tmerc", "lat_0": latitude, "lon_0": longitude, "k": 1, "datum": "WGS84"}
-    return pyproj.Transformer.from_crs(_WGS84, pyproj.CRS.from_dict(local), always_xy=True)
+    return TransverseMercator(photos[0].position.longitude, latitude)
 
 
-def _plane(projection: pyproj.Transformer, position: Position) -> FloatArray:
+def _plane(projection: TransverseMercator, position: Position) -> FloatArray:
     """East and north (2,), m."""
-    plane = np.array(projection.transform(position.longitude, position.latitude), dtype=np.float64)
-    if not np.all(np.isfinite(plane)):
-        raise PhotoError(
-            f"{position.latitude:.4f}°, {position.longitude:.4f}° lies outside the scan's map projection: "
-            "check its EPSG code (step 1)."
-        )
-    return plane
+    return np.array(projection.plane(position.latitude, position.longitude))
 
 
-def _true_north(projection: pyproj.Transformer, position: Position) -> float:
-    """Angle (rad) from the projection's north to true north, clockwise: the meridian as it is drawn."""
-    latitudes = position.latitude + np.array([-1e-4, 1e-4])
-    east, north = projection.transform(np.full(2, position.longitude), latitudes)
-    return math.atan2(east[1] - east[0], north[1] - north[0])
+def _true_north(projection: TransverseMercator, position: Position) -> float:
+    return projection.true_north(position.latitude, position.longitude)
 
 
 def _turned(vector: FloatArray, angle: float) -> FloatArray:

@@ -23,15 +23,14 @@ _spec.loader.exec_module(exif_files)
 def town(tmp_path_factory, room):
     """Return a folder with the small scene in the map projection; its photos tell position and direction."""
     from fresco.core.cameras import PerspectiveCamera
-    from fresco.core.photos.georeference import georeference_from_epsg
 
     folder = tmp_path_factory.mktemp("town")
     room.write_all(folder, PerspectiveCamera(*room.SIZE, room.K, room.DISTORTION), ORIGIN)
-    projection, rng = georeference_from_epsg(25832).projection, np.random.default_rng(2)
+    rng = np.random.default_rng(2)
     for number, (rotation, translation) in enumerate(room.POSES, 1):
         path = folder / "photos" / f"wall {number}.png"
         east, north, height = -rotation.T @ translation + ORIGIN + rng.normal(0, [0.7, 0.7, 1.5])
-        longitude, latitude = projection.transform(east, north, direction="INVERSE")
+        latitude, longitude = exif_files.place_of(32, east, north)
         heading = math.degrees(math.atan2(*rotation[2, :2])) + 1.86 + 6 * rng.normal()
         gps = exif_files.position_tags(latitude, longitude, height, heading % 360, error=1.0)
         data = cv2.imencode(".jpg", cv2.imread(str(path)), [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()

@@ -74,3 +74,15 @@ def position_tags(latitude, longitude, height=530.2, heading=None, true=True, er
     if heading is not None:
         gps |= {0x10: (TEXT, "T" if true else "M"), 0x11: (RATIO, [(round(heading * 10), 10)])}
     return gps if error is None else gps | {0x1F: (RATIO, [(round(error * 10), 10)])}
+
+
+def place_of(zone, east, north):
+    """Latitude and longitude (degrees) of a place in a northern UTM zone, by Newton's method."""
+    from fresco.core.geometry.transverse_mercator import utm_zone
+
+    projection, place = utm_zone(32600 + zone), np.array([north / 111e3, 6.0 * zone - 183])
+    for _ in range(8):
+        here = np.array(projection.plane(*place))
+        columns = [(np.array(projection.plane(*(place + step))) - here) / 1e-6 for step in np.eye(2) * 1e-6]
+        place = place + np.linalg.solve(np.stack(columns, axis=1), [east, north] - here)
+    return place.tolist()
