@@ -23,6 +23,9 @@ from .tracks import Tracks
 LOSS = 2.5
 """Width of the Cauchy loss in standard deviations."""
 
+PARTS = 4
+"""Parts along a photo's longer side; sightings of one part may err together."""
+
 
 @dataclass(frozen=True, eq=False)
 class Network:
@@ -66,10 +69,15 @@ class Prior:
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations: `pixel` of the smallest features (px), `scan` of the surface (m)."""
+    """Standard deviations: `pixel` of the smallest features (px), `scan` of the surface (m).
+
+    `alike` >= 1: sightings that count as one, since those of one part of a photo err together (a lens that is
+    known to a few hundredths of a pixel).
+    """
 
     pixel: float
     scan: float
+    alike: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,11 +92,11 @@ class Problem:
 
     def residuals(self, network: Network) -> tuple[FloatArray, FloatArray]:
         """Whitened lengths: of the sightings (M,) and of the scan ties (T,), 0 without a tie."""
-        pixel = self._sight(network)[0]
+        pixel = self.sight(network)[0]
         sight = np.linalg.norm(pixel, axis=1) / (self.noise.pixel * self.tracks.size)
         return sight, np.abs(self._scan_residuals(network))
 
-    def _sight(self, network: Network) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def sight(self, network: Network) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Errors (M,2) px of the sightings, derivative (M,2,3) by camera points, camera points (M,3)."""
         towards = in_camera(network, self.tracks)
         pixel, by_point = reprojection(self.tracks.rays, self.tracks.to_pixels, towards)
@@ -108,11 +116,11 @@ class Problem:
     def linearise(self, network: Network) -> System:
         """Normal equations at a network, robustly weighted."""
         tracks, count = self.tracks, len(network.centres)
-        pixel, by_point, towards = self._sight(network)
+        pixel, by_point, towards = self.sight(network)
         white = 1.0 / (self.noise.pixel * tracks.size)
         squared = np.einsum("mi,mi->m", pixel, pixel) * white**2
         cost, weight = _robust(squared)
-        weight = weight * white**2
+        cost, weight = cost / self.noise.alike, weight * white**2 / self.noise.alike
         rotations = network.rotations[tracks.view]
         by_camera = by_point @ _camera_jacobians(rotations, towards)
         by_world = by_point @ rotations
@@ -229,7 +237,24 @@ def estimate_noise(problem: Problem, network: Network) -> Noise:
     scan_sigma = (
         problem.noise.scan * 1.483 * float(np.median(normal_scan)) if tied.any() else problem.noise.scan
     )
-    return Noise(float(np.clip(pixel, 0.02, 5.0)), float(np.clip(scan_sigma, 1e-4, 0.2)))
+    noise = Noise(float(np.clip(pixel, 0.02, 5.0)), float(np.clip(scan_sigma, 1e-4, 0.2)))
+    return replace(noise, alike=_erring_together(replace(problem, noise=noise), network))
+
+
+def _erring_together(problem: Problem, network: Network) -> float:
+    """Variance of sums of sightings over parts of photos, by that of independent ones; at least 1.
+
+    Source: the design effect of cluster samples, Kish 1965.
+    """
+    tracks = problem.tracks
+    pixel = problem.sight(network)[0] / (problem.noise.pixel * tracks.size)[:, None]
+    pulls = pixel * _robust(np.einsum("mi,mi->m", pixel, pixel))[1][:, None]
+    reach = np.zeros(len(network.centres))
+    np.maximum.at(reach, tracks.view, tracks.pixels.max(axis=1) + 1.0)
+    place = np.floor(PARTS * tracks.pixels / reach[tracks.view, None])
+    part_of = np.unique(np.column_stack([tracks.view, place]), axis=0, return_inverse=True)[1].ravel()
+    together = np.array([np.bincount(part_of, pull) for pull in pulls.T])
+    return float(max(1.0, (together**2).sum() / max(float((pulls**2).sum()), 1e-12)))
 
 
 def _spent_on_scan(problem: Problem, system: System) -> FloatArray:

@@ -28,6 +28,9 @@ ALIKE = 220.0
 BLOCK = 1 << 16
 """Pairs of descriptors compared at once."""
 
+JUDGES = 200
+"""Matches that judge whether a pose is the one that all agree on, while many are tried."""
+
 
 def choose_pairs_job(
     cameras: Sequence[Camera],
@@ -94,9 +97,10 @@ def _agreeing(pairs: IndexArray, b: Features, hits_a: Hits, settings: JointSetti
         return np.zeros((0, 2), dtype=np.int64)
     points = hits_a.points[pairs[:, 0]]
     scene = Sightings(b.rays[pairs[:, 1]], b.to_pixels[pairs[:, 1]], points - points.mean(axis=0))
+    judges = np.arange(len(pairs)) % -(-len(pairs) // JUDGES) == 0
     # wide: the scan points carry the error of photo a's pose
     search = PointSettings(threshold=12.0, max_samples=2000, seed=settings.seed)
-    poses = search_poses(scene, search, keep=1)
+    poses = search_poses(scene.select(judges), search, keep=1)
     if not poses:
         return np.zeros((0, 2), dtype=np.int64)
     good = np.linalg.norm(scene.residuals(*poses[0]), axis=1) < search.threshold

@@ -29,8 +29,8 @@ from .reduction import sum_groups, summing
 from .residuals import TieResiduals
 from .tracks import Tracks, build_tracks
 
-ROUNDS = 4
-"""Times the scan is met anew and outliers are dropped."""
+FIRST_ROUNDS, LAST_ROUNDS = 2, 4
+"""Times the scan is met anew and outliers are dropped, on the way and where sightings are placed exactly."""
 
 PARTS = 8
 """Parts of a patch's side to which ties are gathered when those around are counted."""
@@ -85,18 +85,19 @@ def solve_network_job(
     noise = Noise(pixel=1.0, scan=settings.scan_sigma)
     ties = meet_tracks(network, tracks, surface, settings)
     problem = Problem(tracks, ties, prior, noise, lenses)
-    for number in range(ROUNDS if tracks.count else 0):
+    rounds = LAST_ROUNDS if place else FIRST_ROUNDS
+    for number in range(rounds if tracks.count else 0):
         ties = meet_tracks(network, problem.tracks, surface, settings)
         problem = replace(problem, ties=ties)
         # before the last round the scan is met anew and outliers go: no need to be exact
-        job = adjust_job(problem, network, least_gain=0.0 if number == ROUNDS - 1 else 1e-3)
-        network = yield from part(job, number / ROUNDS, (number + 1) / ROUNDS)
+        job = adjust_job(problem, network, least_gain=0.0 if number == LAST_ROUNDS - 1 else 1e-3)
+        network = yield from part(job, number / rounds, (number + 1) / rounds)
         limit = 8.0 if number == 0 else 4.0
         problem, network = without_outliers(problem, network, limit)
         if problem.tracks.count:
             problem = replace(problem, noise=estimate_noise(problem, network))
         if number == 0 and place:
-            placed = yield from part(place(problem, network), 1 / ROUNDS, 2 / ROUNDS)
+            placed = yield from part(place(problem, network), 1 / rounds, 2 / rounds)
             problem = replace(problem, tracks=placed)
     return Solution(problem, network)
 

@@ -1,5 +1,7 @@
 """The adjustment's derivatives, its minimum, and its covariances, on made-up tracks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fresco.core.geometry.rigid import exp_so3, log_so3
@@ -11,6 +13,7 @@ from fresco.core.pose.joint.adjustment import (
     ScanTies,
     adjust,
     covariances,
+    estimate_noise,
     without_outliers,
 )
 from fresco.core.pose.joint.lens import shared_lenses
@@ -92,3 +95,22 @@ def test_mismatches_are_dropped():
     assert cleaned.tracks.count <= problem.tracks.count
     assert len(cleaned.tracks.view) < len(problem.tracks.view) - 10
     assert np.abs(final.centres - truth.centres).max() < 0.02
+
+
+def test_sightings_that_err_together_count_as_fewer():
+    """White errors leave the count as it is; a lens that is off a little does not."""
+    rng = np.random.default_rng(4)
+    truth, problem = made_up(rng, points=800)
+    independent = estimate_noise(problem, adjust(problem, truth))
+    assert independent.alike < 1.5
+    tracks = problem.tracks
+    off = 0.3 * np.sin(tracks.pixels / 90.0 + tracks.view[:, None])
+    turned = tracks.rays + np.einsum("mij,mi->mj", tracks.to_pixels, off) / FOCAL**2
+    lens_off = replace(problem, tracks=replace(tracks, rays=turned))
+    solved = adjust(lens_off, truth)
+    together = estimate_noise(lens_off, solved)
+    assert together.alike > 3
+    doubt = [
+        covariances(replace(lens_off, noise=n), solved)[0] for n in (replace(together, alike=1.0), together)
+    ]
+    assert (doubt[1].trace(axis1=1, axis2=2) > 1.5 * doubt[0].trace(axis1=1, axis2=2)).all()
