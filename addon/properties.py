@@ -117,6 +117,7 @@ class FrescoPhoto(bpy.types.PropertyGroup):
     camera_source: bpy.props.StringProperty(
         name="Calibration", description="Where the camera's calibration comes from"
     )
+    place_told: bpy.props.StringProperty(description="How sure the satellite position in the photo is")
     mask: bpy.props.PointerProperty(
         type=bpy.types.Image, name="Usable part", description="Mask: bright where the photo may be used"
     )

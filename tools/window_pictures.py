@@ -26,12 +26,10 @@ LENS = {
     "tangential": (0.0006, -0.0004),
 }
 PHOTO = "01_overview.jpg"
-ANNUNCIATION = (1138, 467)  # pixels of the photo that are clicked
-DRAGGED = -224  # pixels of the screen: from the painted frame to the edge of the relief inside it
-TABLET = [(288, 524), (288, 662), (151, 691), (150, 525)]
-SAINT = [(432, 283), (397, 301), (369, 345), (365, 414), (366, 655), (520, 662), (520, 359), (511, 328),
-         (496, 305), (472, 287)]  # fmt: skip
+CLICKS = {"annunciation": ((1007, 417), -210), "tablet": ((219, 573), 56)}
+"""Region -> pixel of the photo that is pressed, pixels of the screen that are dragged."""
 ON_SCAN = {"annunciation": (3.49, 0.005, 1.72), "tablet": (0.035, -0.57, 1.16), "saint": (0.62, 0.01, 1.84)}
+KEYS = 6  # presses of plus or minus within which the outline that fits best is looked for
 
 
 def picture(ui, name, areas=(), width=WIDTH):
@@ -111,32 +109,20 @@ def region(ui, fresco, area):
 
 
 def from_photo_to_pose(ui, sample):
-    """Mark three regions in an unposed photo and on the scan by clicks; solve, and refine."""
+    """Mark two regions in an unposed photo and on the scan by the wands alone; solve, and refine."""
     photo, scan = yield from workspace(ui, sample)
     areas = photo, scan
     picture(ui, "clicks-1", areas)
 
-    yield from d.use_tool(ui, photo, "fresco.tool_photo_wand")
-    (place,) = d.in_photo(ui, photo, [ANNUNCIATION], SHAPE)
-    yield from d.hold(ui, [place, *((place[0] + DRAGGED * k / 8, place[1]) for k in range(1, 9))])
-    yield 8.0  # until the photo is read and the wand has answered
-    yield from ui.move(place[0] + DRAGGED, place[1])
-    yield 1.0
-    picture(ui, "clicks-2", areas)
-    yield from d.release(ui)
-    yield from name_region(ui, 1, "annunciation")
-    yield from mark_on_scan(ui, scan, "annunciation", ON_SCAN["annunciation"])
-    picture(ui, "clicks-3", areas)
-
-    yield from corners(ui, photo, TABLET)
-    picture(ui, "clicks-4", areas)
-    yield from ui.key("RET")
-    yield from name_region(ui, 2, "tablet")
-    yield from mark_on_scan(ui, scan, "tablet", ON_SCAN["tablet"])
-    yield from corners(ui, photo, SAINT)
-    yield from ui.key("RET")
-    yield from name_region(ui, 3, "saint")
-    yield from mark_on_scan(ui, scan, "saint", ON_SCAN["saint"])
+    for number, (name, (pixel, dragged)) in enumerate(CLICKS.items(), 1):
+        yield from by_the_wand(ui, photo, pixel, dragged, areas if number == 1 else ())
+        yield from name_region(ui, number, name)
+        if number == 1:
+            picture(ui, "clicks-3", areas)
+        yield from fitted(ui, d.read_mask(sample / "masks" / Path(PHOTO).stem / f"{name}.png"))
+        yield from mark_on_scan(ui, scan, name, ON_SCAN[name])
+        if number == 1:
+            picture(ui, "clicks-4", areas)
     picture(ui, "clicks-5", areas)
     yield from advice(ui, photo)
     picture(ui, "clicks-6", areas)
@@ -210,11 +196,44 @@ def name_region(ui, count, name):
     yield 0.3
 
 
-def corners(ui, area, pixels):
-    """Click the corners of a polygon."""
-    yield from d.use_tool(ui, area, "fresco.tool_photo_polygon")
-    for place in d.in_photo(ui, area, pixels, SHAPE):
-        yield from ui.click(*place)
+def by_the_wand(ui, photo, pixel, dragged, areas):
+    """Press on a pixel of the photo, drag while the outline is previewed, release."""
+    yield from d.use_tool(ui, photo, "fresco.tool_photo_wand")
+    (place,) = d.in_photo(ui, photo, [pixel], SHAPE)
+    yield from d.hold(ui, [place, *((place[0] + dragged * k / 8, place[1]) for k in range(1, 9))])
+    yield 8.0 if areas else 2.0  # until the photo is read and the wand has answered
+    yield from ui.move(place[0] + dragged, place[1])
+    yield 1.0
+    if areas:
+        picture(ui, "clicks-2", areas)
+    yield from d.release(ui)
+
+
+def fitted(ui, wanted):
+    """Press plus and minus as one who looks does, until the outline fits what is `wanted` (H,W) best."""
+    best, at = d.overlap(d.mask_of(d.fresco().active_region), wanted), 0
+    for key, back, sign in (("NUMPAD_MINUS", "NUMPAD_PLUS", -1), ("NUMPAD_PLUS", "NUMPAD_MINUS", 1)):
+        pressed = 0
+        while pressed < KEYS and (yield from another_size(ui, key)):
+            pressed += 1
+            share = d.overlap(d.mask_of(d.fresco().active_region), wanted)
+            best, at = max((best, at), (share, sign * pressed))
+        for _ in range(pressed):
+            yield from another_size(ui, back)
+    for _ in range(abs(at)):
+        yield from another_size(ui, "NUMPAD_PLUS" if at > 0 else "NUMPAD_MINUS")
+    ui.log(d.fresco().active_region.name, "fits by", best, "after pressing", at)
+
+
+def another_size(ui, key):
+    """Press a key that changes the wand's last click; -> whether there was another size."""
+    before = d.marking().wand_steps
+    yield from ui.key(key)
+    for _ in range(20):
+        if d.marking().wand_steps != before:
+            return True
+        yield 0.1
+    return False
 
 
 def mark_on_scan(ui, area, name, place):

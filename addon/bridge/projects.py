@@ -14,6 +14,7 @@ from ...core.cameras import PerspectiveCamera
 from ...core.errors import ProjectError
 from ...core.jobs import Job, part
 from ...core.photos import Photo
+from ...core.photos.position import read_position
 from ...core.project import Project, ProjectResult
 from ...core.project.entries import OutputEntry, PhotoEntry, RegionEntries, ScanEntry
 from ...core.project.stages.colour_chart import ChartResult, ColourChartEntry
@@ -224,6 +225,8 @@ def show_photo(context: bpy.types.Context, photo: Photo, preview: ByteArray | No
     item = photos.add_photo(context, photo.path.resolve(), photo.name)
     photos.write_camera(context, item, photo.camera, photo.camera_source, preview)
     item.message = " ".join(note for note in photo.notes if note != photo.camera_source)
+    position = read_position(photo.path, photo.exif)
+    item.place_told = "" if position is None else position.said
     if photo.mask is not None:
         item.mask = load_mask(photo.mask.resolve())
     for mark in photo.regions:

@@ -18,6 +18,7 @@ from ...core.photos import (
     check_complete,
     open_photo,
 )
+from ...core.photos.position import read_position
 from ..bridge import photos as bridge
 from ..bridge.previews import preview_job
 from ..jobs import JobOperator, StepOperator
@@ -32,6 +33,7 @@ class OpenedPhoto:
     camera: Camera | None
     note: str
     preview: ByteArray | None = None
+    place: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +58,9 @@ def open_photo_job(path: Path, size: int) -> Job[OpenedPhoto]:
     except CameraError as error:
         return OpenedPhoto(path, None, sentence(str(error)))
     preview = yield from preview_job(path, photo.camera, size)
-    return OpenedPhoto(path, photo.camera, " ".join(photo.notes), preview)
+    position = read_position(path, photo.exif)
+    place = "" if position is None else position.said
+    return OpenedPhoto(path, photo.camera, " ".join(photo.notes), preview, place)
 
 
 def open_photos_job(paths: Sequence[Path], size: int) -> Job[OpenedPhotos]:
@@ -93,7 +97,7 @@ class PhotoImport(JobOperator):
     def finish(self, context: bpy.types.Context, result: OpenedPhotos) -> None:
         for opened in result.photos:
             item = bridge.add_photo(context, opened.path, opened.path.stem)
-            item.camera_source = opened.note
+            item.camera_source, item.place_told = opened.note, opened.place
             if opened.camera is not None:
                 bridge.write_camera(context, item, opened.camera, opened.note, opened.preview)
         fresco = context.scene.fresco

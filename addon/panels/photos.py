@@ -104,6 +104,8 @@ def draw_photo(layout: bpy.types.UILayout, context: bpy.types.Context, photo: Fr
     lens = f"{photo.camera.data.lens:.1f} mm (full frame)"
     draw_rows(layout, [("Size", f"{width} × {height} px"), ("Lens", lens)])
     draw_text(layout, context, photo.camera_source, icon="CAMERA_DATA")
+    if photo.place_told:
+        draw_text(layout, context, photo.place_told, icon="WORLD")
     layout.prop(photo, "use_texture")
     row = layout.column()
     row.active = photo.use_texture

@@ -51,6 +51,13 @@ class Position:
     held: tuple[float, float] = (0.0, -1.0)
     direction: Direction | None = None
 
+    @property
+    def said(self) -> str:
+        """How sure it is, in words."""
+        told = self.direction
+        direction = "no direction" if told is None else f"direction ± {told.heading_sigma:.2g}°"
+        return f"Tells its place, ± {self.sigma:.2g} m, {direction}"
+
 
 def read_position(path: Path | str, exif: Exif) -> Position | None:
     """Position from a photo's EXIF data, direction from its XMP packet or EXIF data; None without position.

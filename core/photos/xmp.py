@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from pathlib import Path
 
-_SEARCHED = 1 << 20  # bytes from the file's beginning in which writers put the packet
+_SEARCHED = 1 << 18  # bytes from the file's beginning in which writers put the packet
 _BEGIN, _END = b"<x:xmpmeta", b"</x:xmpmeta>"
 
 

@@ -73,6 +73,7 @@ def proposed(scene):
 
 def test_the_scan_s_projection_gives_partners(placed, room):
     photo = placed.fresco.photos[0]
+    assert photo.place_told == "Tells its place, ± 1 m, direction ± 12°"
     placed.fresco.scan_settings.epsg = 25832
     partners = unmark(placed, photo, room.PANELS)
     bpy.ops.fresco.propose_partners(guide="POSITION")

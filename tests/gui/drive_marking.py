@@ -33,9 +33,11 @@ def wand_by_mouse_and_keys(ui, area):
     yield from ui.wait(lambda: len(d.fresco().regions) == 1, 30, "the wand")
     first = d.mask_of(d.fresco().regions[0])
     yield from ui.key("NUMPAD_PLUS")
+    yield from ui.wait(lambda: d.marking().wand_steps == 1, 20, "the larger size")
     larger = d.mask_of(d.fresco().regions[0])
     assert larger.sum() > first.sum(), (first.sum(), larger.sum())
     yield from ui.key("MINUS")
+    yield from ui.wait(lambda: d.marking().wand_steps == 0, 20, "the size before")
     assert d.mask_of(d.fresco().regions[0]).sum() == first.sum()
     for _ in range(2):
         yield from d.undo(ui, area)

@@ -65,6 +65,32 @@ def clicks_beside(ui, photo, scan):
     assert tuple(picks["P1"].pixel) == before
 
 
+def only_points():
+    """Leave step 4 with its points open, and nothing else, in the sidebar: all of it is then in sight."""
+    panels = [cls for cls in bpy.types.Panel.__subclasses__() if cls.__name__.startswith("FRESCO_PT_")]
+    panels += [cls for base in bpy.types.Panel.__subclasses__() for cls in base.__subclasses__()]
+    ours = {cls for cls in panels if cls.__name__.startswith("FRESCO_PT_") and cls.is_registered}
+    in_view = [cls for cls in ours if cls.bl_space_type == "VIEW_3D"]
+    for cls in sorted(in_view, key=lambda cls: not getattr(cls, "bl_parent_id", "")):  # children first
+        if cls.bl_idname != "FRESCO_PT_pose":
+            bpy.utils.unregister_class(cls)
+    points = d.module("panels.points").FRESCO_PT_points
+    opened = {"bl_idname": "FRESCO_PT_points_open", "bl_options": set()}  # Blender remembers which are closed
+    bpy.utils.register_class(type("FRESCO_PT_points_open", (points,), opened))
+
+
+def untick(ui, scan, pick):
+    """Click a point's tick in the list."""
+    only_points()
+    yield 1.0
+    index = [each.name for each in d.fresco().photos[0].picks].index(pick.name)
+    place = yield from ui.find(f"picks[{index}].active", scan, at=0.1, step=5)
+    ui.log("tick at", place)
+    yield from ui.click(*place)
+    yield from ui.wait(lambda: not pick.active, 20, "the tick")
+    yield 0.5
+
+
 def residuals_and_ticks(ui, scan):
     """The pose names the wrong point; without its tick it is left out."""
     with ui.override(scan):
@@ -76,7 +102,7 @@ def residuals_and_ticks(ui, scan):
     assert photo.picks[WRONG].residual > 10 and photo.picks["P2"].residual < 2
     ui.log("residuals", {pick.name: round(pick.residual, 2) for pick in photo.picks})
     ui.shot("3 residuals")
-    photo.picks[WRONG].active = False  # its tick in the list
+    yield from untick(ui, scan, photo.picks[WRONG])
     with ui.override(scan):
         bpy.ops.fresco.pose_from_points("INVOKE_DEFAULT")
     yield from d.finished(ui)
