@@ -18,6 +18,7 @@ from ...core.photos import (
     check_complete,
     open_photo,
 )
+from ...core.photos.exif import read_exif
 from ...core.photos.position import read_position
 from ..bridge import photos as bridge
 from ..bridge.previews import preview_job
@@ -53,13 +54,13 @@ def open_photo_job(path: Path, size: int) -> Job[OpenedPhoto]:
     """Check a photo, make its camera from EXIF and its background. Raises PhotoError."""
     yield Progress(0.0, f"Opening {path.name}")
     check_complete(path)
+    position = read_position(path, read_exif(path))
+    place = "" if position is None else position.said
     try:
         photo = open_photo(path)
     except CameraError as error:
-        return OpenedPhoto(path, None, sentence(str(error)))
+        return OpenedPhoto(path, None, sentence(str(error)), place=place)
     preview = yield from preview_job(path, photo.camera, size)
-    position = read_position(path, photo.exif)
-    place = "" if position is None else position.said
     return OpenedPhoto(path, photo.camera, " ".join(photo.notes), preview, place)
 
 
