@@ -66,7 +66,7 @@ def index_cloud_job(points: ArrayLike, colours: ArrayLike | None = None) -> Job[
         centre, local.astype(np.float32), normal.astype(np.float32), normal.astype(np.float32), area,
         noise, spacing, colour, patches, corners, triangles,
     )  # fmt: skip
-    index.caster  # noqa: B018  # built here, not at the first click
+    _ = index.caster  # built here, not at the first click
     return index
 
 
@@ -78,7 +78,10 @@ def _discs(points: FloatArray, normal: FloatArray, area: FloatArray) -> FloatArr
     # The inscribed circle has twice the area that the point stands for.
     radius = 2 * np.sqrt(2 * area / np.pi)[:, None]
     corners: FloatArray = np.stack(
-        [points + radius * (np.cos(turn) * across + np.sin(turn) * along) for turn in np.radians([90, 210, 330])],
+        [
+            points + radius * (np.cos(turn) * across + np.sin(turn) * along)
+            for turn in np.radians([90, 210, 330])
+        ],
         axis=1,
     ).reshape(-1, 3)
     return corners

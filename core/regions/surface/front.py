@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ...arrays import AnyArray, ArrayLike, BoolArray, Float32Array, FloatArray, IndexArray
+from ...arrays import ArrayLike, BoolArray, Float32Array, FloatArray, IndexArray
 from .index import SurfaceIndex
 from .robust_fit import SurfaceFit
 
@@ -25,7 +25,7 @@ class FrontView:
     """Scan over `plane`, in cells of `cell` m: row 0 is at the plane's largest second coordinate.
 
     `height` (H,H) m, `normal` (H,H,3) in the plane's axes, `seen` (H,H) where there is any surface, and
-    `face` (H,H), the scan's number of the face seen, or -1.
+    `face` (H,H), the scan's number of the face seen, or -1; `colour` (H,H,3) CIELAB, or None.
     """
 
     plane: SurfaceFit
@@ -34,6 +34,7 @@ class FrontView:
     normal: Float32Array
     seen: BoolArray
     face: IndexArray
+    colour: Float32Array | None
 
     @property
     def size(self) -> int:
@@ -58,8 +59,10 @@ class FrontView:
         return places
 
 
-def front_view(index: SurfaceIndex, plane: SurfaceFit, cell: float, size: int) -> FrontView:
-    """View of `size` x `size` cells of `cell` m, its middle at the plane's centre."""
+def front_view(
+    index: SurfaceIndex, plane: SurfaceFit, cell: float, size: int, coloured: bool = True
+) -> FrontView:
+    """View of `size` x `size` cells of `cell` m around the centre of a plane, `coloured` if the scan is."""
     off = (np.arange(size) - (size - 1) / 2) * cell
     across, up = np.meshgrid(off, -off)
     depth = _DEPTH * cell * size / 2
@@ -69,21 +72,24 @@ def front_view(index: SurfaceIndex, plane: SurfaceFit, cell: float, size: int) -
     face = hit.face.astype(np.int64)
     normal = index.smooth_normal[face] @ plane.axes.T.astype(np.float32)
     seen = (face >= 0) & (hit.distance < 2 * depth) & (normal[:, 2] > _AWAY)
-    picture = np.zeros((size * size, 4), dtype=np.float32)
-    picture[seen, :3] = normal[seen]
-    picture[seen, 3] = depth - hit.distance[seen]
+    picture = [normal, (depth - hit.distance)[:, None]]
+    if coloured and index.colour is not None:
+        picture.append(index.colour[face])
+    channels = np.where(seen[:, None], np.concatenate(picture, axis=1), 0).astype(np.float32)
     face[~seen] = -1
-    return _filled(plane, cell, picture.reshape(size, size, 4), face.reshape(size, size))
+    seen, channels = _filled(seen.reshape(size, size), channels.reshape(size, size, -1))
+    normal, height = np.ascontiguousarray(channels[..., :3]), np.ascontiguousarray(channels[..., 3])
+    colour = np.ascontiguousarray(channels[..., 4:]) if len(picture) > 2 else None
+    return FrontView(plane, cell, height, normal, seen, face.reshape(size, size), colour)
 
 
-def _filled(plane: SurfaceFit, cell: float, picture: Float32Array, face: IndexArray) -> FrontView:
-    """View from normals and heights (H,H,4); gaps of few cells take what is around them."""
-    seen = (face >= 0).astype(np.float32)
+def _filled(seen: BoolArray, channels: Float32Array) -> tuple[BoolArray, Float32Array]:
+    """Where something is seen (H,H), and what (H,H,k): gaps of few cells take what is around them."""
+    known = seen.astype(np.float32)
     for _ in range(2):
-        share = cv2.blur(seen, (3, 3))
-        gap = (seen == 0) & (share > _FILLED)
-        around: AnyArray = cv2.blur(picture, (3, 3))
-        picture[gap] = around[gap] / share[gap][:, None]
-        seen[gap] = 1
-    normal = np.ascontiguousarray(picture[..., :3])
-    return FrontView(plane, cell, np.ascontiguousarray(picture[..., 3]), normal, seen > 0, face)
+        share = cv2.blur(known, (3, 3))
+        gap = (known == 0) & (share > _FILLED)
+        around = np.dstack([cv2.blur(channels[..., k], (3, 3))[gap] for k in range(channels.shape[2])])[0]
+        channels[gap] = around / share[gap][:, None]
+        known[gap] = 1
+    return known > 0, channels

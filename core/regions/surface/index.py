@@ -111,7 +111,7 @@ def index_surface_job(
         centre, middle.astype(np.float32), normal.astype(np.float32), smooth.astype(np.float32), area,
         noise, spacing, colour, patches, local.astype(np.float32), triangles.astype(np.int32),
     )  # fmt: skip
-    index.caster  # noqa: B018  # built here, not at the first click
+    _ = index.caster  # built here, not at the first click
     return index
 
 

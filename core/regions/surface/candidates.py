@@ -1,0 +1,171 @@
+"""What a click on the scan may mean: frames of straight creases and grown regions, as outlines on a plane."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from ...arrays import BoolArray, FloatArray, IndexArray
+from ...settings import RegionSettings
+from ..photo.evidence import Outlines, joined_outlines, outline_of_loop, outlines_of
+from ..photo.frames import find_frames
+from .creases import Creases, find_creases
+from .evidence import AGREED, NAMES, measured
+from .front import front_view
+from .growing import SurfaceLevel
+from .index import SurfaceIndex
+from .robust_fit import SurfaceFit
+
+_SIZE = 360  # cells along a view's side
+_CELL = (0.7, 1 / 11)  # of the near view: in distances of faces, and in widths of patches, at least
+_WIDER = 3.5  # how much wider the far view is
+_OWN = 0.3  # share of its side below which the far view leaves a frame to the near one
+_FRAMES = 150  # of a view, at most
+_GRID = 96  # pixels of both sides of the grid on which outlines are compared
+_SPECK = 9.0  # square cells below which a part or hole of a region is none
+_CUT = 3.0  # cells from a view's edge at which a region is cut off
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Outlines around a click: closed `loops` (n,2) m on `plane`, and what was measured of them (N,k).
+
+    `level` (N,) is the number of the grown level, -1 for a frame of straight sides.
+    """
+
+    plane: SurfaceFit
+    loops: list[FloatArray]
+    evidence: FloatArray
+    level: IndexArray
+
+
+def find_candidates(
+    index: SurfaceIndex, plane: SurfaceFit, levels: Sequence[SurfaceLevel], settings: RegionSettings
+) -> Candidates:
+    """Frames and grown levels around the middle of a plane, seen in two views of different width."""
+    cell = max(_CELL[0] * index.spacing, _CELL[1] * index.patches.width)
+    left = list(range(len(levels)))
+    loops: list[FloatArray] = []
+    evidence: list[FloatArray] = []
+    number: list[IndexArray] = []
+    near = _whole_scan(index, plane) < cell * _SIZE / 2
+    for wider in (1.0,) if near else (1.0, _WIDER):
+        last = near or wider > 1
+        coloured = settings.colour_tolerance > 0
+        creases = find_creases(front_view(index, plane, cell * wider, _SIZE, coloured), index.noise)
+        frames, parts = _frames(creases, settings, 0.0 if wider == 1 else _OWN / wider)
+        grown = _grown(index, creases, levels, left, last)
+        left = [k for k in left if k not in grown]
+        parts += [_outlines_of(one) for one in grown.values()]
+        found = [*frames, *(one.holes for one in grown.values())]
+        if not found:
+            continue
+        straight = np.arange(len(found)) < len(frames)
+        outlines, growing = joined_outlines(parts), np.zeros((2, len(found)))
+        growing[0, len(frames) :] = [levels[k].score for k in grown]
+        growing[1, len(frames) :] = [one.left_out for one in grown.values()]
+        evidence.append(measured(creases, outlines, straight, growing, index.noise))
+        loops += [creases.view.places(loop) for loop in found]
+        number.append(np.array([-1] * len(frames) + list(grown), dtype=np.int64))
+    if not loops:
+        return Candidates(plane, [], np.zeros((0, len(NAMES))), np.zeros(0, dtype=np.int64))
+    table, level = np.concatenate(evidence), np.concatenate(number)
+    table[:, NAMES.index(AGREED)] = _agreed(loops, level < 0)
+    return Candidates(plane, loops, table, level)
+
+
+def _agreed(loops: Sequence[FloatArray], straight: BoolArray) -> FloatArray:
+    """Largest overlap (N,), intersection over union, of frames with grown outlines and of these with them."""
+    if straight.all() or not straight.any():
+        return np.zeros(len(loops))
+    points = np.concatenate(loops)
+    low = points.min(axis=0)
+    scale = (_GRID - 1) / np.maximum(np.ptp(points, axis=0), 1e-9)
+    masks = np.zeros((len(loops), _GRID, _GRID), dtype=np.uint8)
+    for mask, loop in zip(masks, loops, strict=True):
+        cv2.fillPoly(mask, [np.rint((loop - low) * scale * 16).astype(np.int32)[:, None]], (1,), shift=4)
+    flat = masks.reshape(len(loops), -1).astype(np.float32)
+    area = flat.sum(axis=1)
+    shared = flat[straight] @ flat[~straight].T
+    shares = shared / (area[straight, None] + area[None, ~straight] - shared)
+    agreed = np.zeros(len(loops))
+    agreed[straight], agreed[~straight] = shares.max(axis=1), shares.max(axis=0)
+    return agreed
+
+
+def _whole_scan(index: SurfaceIndex, plane: SurfaceFit) -> float:
+    """How far (m) the scan reaches from the middle of a plane, along its axes."""
+    return float(np.abs((index.patches.middle - plane.centre) @ plane.axes[:2].T).max())
+
+
+def _frames(
+    creases: Creases, settings: RegionSettings, smallest: float
+) -> tuple[list[FloatArray], list[Outlines]]:
+    """Frames around the middle of a view that are larger than a share of it."""
+    view = creases.view
+    frames = find_frames(creases.lines, view.middle, settings.least_support, settings.line_limit, _FRAMES)
+    inside = np.all((frames.corners > -_CUT) & (frames.corners < view.size + _CUT), axis=(1, 2))
+    inside &= np.ptp(frames.corners, axis=1).max(axis=1) > smallest * view.size
+    if not inside.any():
+        return [], []
+    return list(frames.corners[inside]), [outlines_of(frames.corners[inside], frames.support[inside])]
+
+
+@dataclass(frozen=True, eq=False)
+class _Grown:
+    """Outline of a grown level: outer `loop` (n,2), the same with its `holes`, what they leave out (log)."""
+
+    loop: FloatArray
+    holes: FloatArray
+    left_out: float
+
+
+def _grown(
+    index: SurfaceIndex, creases: Creases, levels: Sequence[SurfaceLevel], numbers: Sequence[int], last: bool
+) -> dict[int, _Grown]:
+    """Outlines of those grown levels that a view shows whole; of all, if it is the `last` one."""
+    view = creases.view
+    patch = np.where(view.face >= 0, index.patches.label[view.face], -1)
+    chosen = np.zeros(len(index.patches.area) + 1, dtype=np.bool_)  # the last one: nothing seen
+    found = {}
+    for number in numbers:
+        chosen[:] = False
+        chosen[levels[number].patches] = True
+        grown = _outline(chosen[patch], view.middle)
+        if grown is None:
+            continue
+        if last or bool(np.all((grown.loop > _CUT) & (grown.loop < view.size - 1 - _CUT))):
+            found[number] = grown
+    return found
+
+
+def _outlines_of(grown: _Grown) -> Outlines:
+    """Outline to judge, with the borders of its holes; it is dented by what is dented outside."""
+    return replace(outline_of_loop(grown.holes), dented=outline_of_loop(grown.loop).dented)
+
+
+def _outline(inside: BoolArray, click: FloatArray) -> _Grown | None:
+    """Outline of the part of a mask (H,W) around the click, gaps closed; None where there is none."""
+    mask = cv2.morphologyEx(inside.view(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    contours, tree = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    large = [
+        k for k, contour in enumerate(contours) if tree[0, k, 3] < 0 and cv2.contourArea(contour) >= _SPECK
+    ]
+    if not large:
+        return None
+    at = (float(click[0]), float(click[1]))
+    outer = max(
+        large, key=lambda k: min(cv2.pointPolygonTest(contours[k], at, True), 0) + 1e-6 * len(contours[k])
+    )
+    loop = contours[outer][:, 0].astype(np.float64)
+    inner = [contours[k][:, 0].astype(np.float64) for k in np.flatnonzero(tree[0, :, 3] == outer)]
+    inner = [hole for hole in inner if cv2.contourArea(hole.astype(np.float32)[:, None]) >= _SPECK]
+    area, *holes = (cv2.contourArea(ring.astype(np.float32)[:, None]) for ring in (loop, *inner))
+    # Holes are reached by a cut from the outline's first point: filled, the cuts have no area.
+    cuts = [np.concatenate([hole, hole[:1], loop[:1]]) for hole in inner]
+    return _Grown(
+        loop, np.concatenate([loop, loop[:1], *cuts]), float(-np.log(max(1 - sum(holes) / area, 1e-2)))
+    )
