@@ -1,8 +1,9 @@
 """Drawn facades with known regions, from which the photo wand learns what outlines look like.
 
 A wall of ashlar, brick or plaster carries cornices, carved, plain and fretted panels, paintings, windows,
-doors, tablets, pediments, arches and discs, as a relief in pixels and a colour. It is stained, lit, shadowed,
-seen in perspective, blurred, given noise and stored as JPEG. Everything comes from the seed.
+doors, tablets, pilasters, pediments, niches and openings with arches, and discs, as a relief in pixels and a
+colour. It is stained, lit, shadowed, seen in perspective, blurred, given noise and stored as JPEG. Everything
+comes from the seed.
 `python tests/benchmarks/wand_facades.py` puts a sheet of twelve into artefacts/regions/facades.png.
 """
 
@@ -17,7 +18,8 @@ PHOTO = (1536, 1024)
 SHEET = Path(__file__).parents[2] / "artefacts" / "regions" / "facades.png"
 KINDS = [
     *[*["carved"] * 5, *["fret"] * 5],
-    *["plain", "painting", "window", "door", "tablet", "pediment", "pediment", "arch", "disc"],
+    *["plain", "painting", "window", "door", "tablet", "pediment", "pediment", "disc"],
+    *[*["arch"] * 5, *["pilaster"] * 2],
 ]
 
 
@@ -91,10 +93,15 @@ class Wall:
         r = self.rng
         steps = int(r.integers(1, 5))
         depth = r.choice([0.35, 1.0])
+        painted = r.random() < 0.2
         for _ in range(steps):
             m = int(r.integers(3, max(4, min(16, min(w, h) // 10 + 4))))
             self.relief[y : y + h, x : x + w] += depth * r.uniform(-9, 7)
+            if painted:
+                self.colour[y : y + h, x : x + w] = self.base * r.uniform(0.4, 1.4, 3)
             x, y, w, h = x + m, y + m, w - 2 * m, h - 2 * m
+        if painted:
+            self.colour[y : y + h, x : x + w] = self.base
         return x, y, w, h
 
     def ornament(self, x, y, w, h, once_more=True):
@@ -169,8 +176,13 @@ class Wall:
         self.colour *= 1 - (dark / 1.5)[..., None] * tint
 
     def painting(self, kind, x, y, w, h):
+        if self.rng.random() < 0.5:
+            x, y, w, h = self.moulding(x, y, w, h)
+        self.canvas(x, y, w, h)
+        self.rectangle(kind, x, y, w, h)
+
+    def canvas(self, x, y, w, h):
         r = self.rng
-        x, y, w, h = self.moulding(x, y, w, h) if r.random() < 0.5 else (x, y, w, h)
         canvas = np.ones((h, w, 3), np.float32) * r.uniform(50, 200, 3)
         for _ in range(r.integers(4, 25)):
             middle = (int(r.uniform(0, w)), int(r.uniform(0, h)))
@@ -181,11 +193,14 @@ class Wall:
             cv2.rectangle(canvas, (0, 0), (w, h), r.uniform(20, 230, 3).tolist(), rim)
         canvas *= (1 + 0.08 * fractal(r, (h, w), 5, 5))[..., None]
         self.colour[y : y + h, x : x + w] = canvas
-        self.rectangle(kind, x, y, w, h)
 
     def window(self, kind, x, y, w, h):
-        r = self.rng
         x, y, w, h = self.moulding(x, y, w, h)
+        self.glass(x, y, w, h)
+        self.rectangle(kind, x, y, w, h)
+
+    def glass(self, x, y, w, h):
+        r = self.rng
         field = np.s_[y : y + h, x : x + w]
         self.relief[field] = self.relief[field].mean() - r.uniform(5, 20)
         self.colour[field] = r.uniform(12, 60) * (1 + r.normal(0, 0.1, 3))
@@ -201,11 +216,14 @@ class Wall:
                 v = y + k * h // (level + 1)
                 self.colour[v - thick : v + thick, x : x + w] = shade
                 self.relief[v - thick : v + thick, x : x + w] += 4
-        self.rectangle(kind, x, y, w, h)
 
     def door(self, kind, x, y, w, h):
-        r = self.rng
         x, y, w, h = self.moulding(x, y, w, h)
+        self.boards(x, y, w, h)
+        self.rectangle(kind, x, y, w, h)
+
+    def boards(self, x, y, w, h):
+        r = self.rng
         field = np.s_[y : y + h, x : x + w]
         self.relief[field] = self.relief[field].mean() - r.uniform(5, 20)
         self.colour[field] = r.uniform(40, 130) * np.array([1.2, 0.9, 0.65])
@@ -215,7 +233,6 @@ class Wall:
             self.colour[y : y + h, u : u + 2] *= 0.4
             self.relief[y : y + h, u : u + 2] -= 2
         self.colour[field] *= (1 + 0.1 * cv2.resize(fractal(r, (h, 64), 4, 16), (w, h)))[..., None]
-        self.rectangle(kind, x, y, w, h)
 
     def tablet(self, kind, x, y, w, h):
         """A slab with lines of letters cut into it."""
@@ -254,11 +271,93 @@ class Wall:
         self.regions.append((kind, triangle))
 
     def arch(self, kind, x, y, w, h):
-        radius = w * 0.35
-        half = np.linspace(np.pi, 2 * np.pi, 30)
-        top = np.array([x + w / 2, y + radius + 5]) + radius * np.stack([np.cos(half), np.sin(half)], 1)
-        foot = [[x + w / 2 + radius, y + h - 5], [x + w / 2 - radius, y + h - 5]]
-        self.curved(kind, np.concatenate([top, foot]))
+        """A niche, window, door or painting with an arched head, in bands that follow it."""
+        r = self.rng
+        wide = int(min(w * r.uniform(0.6, 0.98), h * r.uniform(0.4, 0.95)))
+        x, w = x + (w - wide) // 2, wide
+        shape = r.choice(["round", "round", "pointed", "segmental"])
+        band, count = int(r.integers(3, max(4, min(18, w // 12 + 4)))), int(r.integers(0, 4))
+        down = 1 if r.random() < 0.5 else 0  # bands go round the foot, or end on it
+        painted = r.random() < 0.3
+        if r.random() < 0.4 and count:
+            self.voussoirs(arched(shape, x, y, w, h), band)
+        for _ in range(count):
+            ring = filled(arched(shape, x, y, w, h))
+            self.relief += ring * np.float32(r.choice([0.35, 1.0]) * r.uniform(-9, 7))
+            if painted:
+                tone = self.base * r.uniform(0.4, 1.4, 3)
+                self.colour = np.where(ring[..., None] > 0, tone, self.colour)
+            x, y, w, h = x + band, y + band, w - 2 * band, h - (1 + down) * band
+            band = max(3, int(band * r.uniform(0.5, 1.6)))
+            if min(w, h) < 40:
+                break
+        outline = arched(shape, x, y, w, h)
+        before = self.relief.copy(), self.colour.copy()
+        box = np.s_[y : y + h, x : x + w]
+        if r.random() < 0.6:  # no joints of the wall
+            self.relief[box] = cv2.GaussianBlur(self.relief[box], (0, 0), 6)
+            self.colour[box] = self.base
+        getattr(self, str(r.choice(["glass", "boards", "canvas", "recess", "recess", "ornament"])))(
+            x, y, w, h
+        )
+        inside = filled(outline) > 0
+        self.relief = np.where(inside, self.relief, before[0]).astype(np.float32)
+        self.colour = np.where(inside[..., None], self.colour, before[1]).astype(np.float32)
+        self.regions.append((kind, outline))
+
+    def voussoirs(self, outline, band):
+        """Joints that run off from an arched outline, and its stones' own tones."""
+        r = self.rng
+        middle = outline.mean(axis=0)
+        outer = middle + (outline - middle) * (1 + 2 * band / np.ptp(outline, axis=0).min())
+        for k in range(1, len(outline) - 3, 2):
+            stone = np.array([outer[k], outer[k + 2], middle])
+            where = filled(stone) > 0
+            self.colour[where] *= 1 + r.normal(0, 0.07)
+            ends = np.round([outer[k], outline[k]]).astype(int).tolist()
+            cv2.line(self.relief, ends[0], ends[1], float(self.relief.min()), 1)
+
+    def recess(self, x, y, w, h):
+        """A niche: sunk, shaded from the top, with a field of another tone and a skirting below."""
+        r = self.rng
+        field = np.s_[y : y + h, x : x + w]
+        self.relief[field] -= r.uniform(3, 20)
+        tone = r.uniform(0.25, 1.2) * (1 + r.normal(0, 0.12, 3))
+        self.colour[field] *= tone.astype(np.float32)
+        self.colour[field] *= np.linspace(r.uniform(0.5, 1), 1, h, dtype=np.float32)[:, None, None]
+        if r.random() < 0.5:
+            skirting = np.s_[y + int(h * r.uniform(0.5, 0.85)) : y + h, x : x + w]
+            self.colour[skirting] *= r.uniform(0.5, 1.5, 3).astype(np.float32)
+
+    def pilaster(self, kind, x, y, w, h):
+        """A shaft, fretted, fluted or plain, between a capital and a base that are wider, in steps."""
+        r = self.rng
+        self.relief[y : y + h, x : x + w] = cv2.GaussianBlur(self.relief[y : y + h, x : x + w], (0, 0), 6)
+        self.colour[y : y + h, x : x + w] = self.base
+        shaft = int(min(w, h * r.uniform(0.1, 0.3)))
+        left, high = x + (w - shaft) // 2, r.uniform(4, 14)
+        ends = [int(h * r.uniform(0.05, 0.15)) for _ in range(2)]
+        steps = r.integers(2, 6, 2)
+        for start, tall, count, way in ((y, ends[0], steps[0], -1), (y + h - ends[1], ends[1], steps[1], 1)):
+            for k in range(count):
+                out = int((k if way > 0 else count - 1 - k) * shaft * 0.08) + int(r.integers(0, 5))
+                rows = np.s_[start + k * tall // count : start + (k + 1) * tall // count]
+                self.relief[rows, max(left - out, 0) : left + shaft + out] += high + r.uniform(0, 9)
+        top, tall = y + ends[0], h - sum(ends)
+        self.relief[top : top + tall, left : left + shaft] += high
+        self.colour[top : top + tall, left : left + shaft] *= np.float32(1 + r.normal(0, 0.05))
+        border = max(3, int(shaft * r.uniform(0.08, 0.25)))
+        inner = (left + border, top + border, shaft - 2 * border, tall - 2 * border)
+        look = r.choice(["fret", "flutes", "plain"])
+        if look == "fret" and min(inner[2:]) > 20:
+            ground = 1 - repeated(r, *inner[2:])
+            place = np.s_[inner[1] : inner[1] + ground.shape[0], inner[0] : inner[0] + ground.shape[1]]
+            self.relief[place] -= ground * r.uniform(3, 12)
+            self.colour[place] *= 1 - ground[..., None] * np.float32(r.uniform(0, 0.3))
+        elif look == "flutes" and min(inner[2:]) > 20:
+            wave = np.cos(np.linspace(0, 2 * np.pi * r.integers(3, 8), inner[2])).astype(np.float32)
+            self.relief[inner[1] : inner[1] + inner[3], inner[0] : inner[0] + inner[2]] += 4 * wave
+        self.rectangle(kind, left, top, shaft, tall)
 
     def disc(self, kind, x, y, w, h):
         angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
@@ -273,6 +372,20 @@ class Wall:
         tint = np.float32(r.uniform(0.2, 1.3)) * (1 + r.normal(0, 0.1, 3)).astype(np.float32)
         self.colour = np.where(filled(outline)[..., None] > 0, self.colour * tint, self.colour)
         self.regions.append((kind, outline))
+
+
+def arched(shape, x, y, w, h):
+    """Outline (n,2) of an upright box with an arched head, from the left spring over the head to the foot."""
+    across = np.sin(np.linspace(-np.pi / 2, np.pi / 2, 41))
+    if shape == "round":
+        rise, head = 0.5, np.sqrt(1 - across**2)
+    elif shape == "pointed":
+        rise, head = 0.866, np.sqrt((4 - (np.abs(across) + 1) ** 2) / 3)
+    else:
+        rise, head = 0.2, (np.sqrt(2.1 - across**2) - np.sqrt(1.1)) / (np.sqrt(2.1) - np.sqrt(1.1))
+    rise = min(rise * w, 0.8 * h)
+    top = np.stack([x + w * (1 + across) / 2, y + rise * (1 - head)], axis=1)
+    return np.concatenate([top, [[x + w, y + h], [x, y + h]]]) - 0.5
 
 
 def repeated(r, wide, tall):

@@ -29,7 +29,7 @@ class Gradient:
         """Gradients (...,2) at pixels (...,2), zero outside the image."""
         shape = points.shape[:-1]
         flat = points.reshape(-1, 2).astype(np.float32)
-        rows = -(-len(flat) // 16384)  # cv2.remap takes at most 32767 in a row
+        rows = max(1, -(-len(flat) // 16384))  # cv2.remap takes at most 32767 in a row, and at least one
         padded = np.full((rows * 16384, 2), -10.0, dtype=np.float32)
         padded[: len(flat)] = flat
         u, v = padded.reshape(rows, 16384, 2).transpose(2, 0, 1).copy()

@@ -16,7 +16,16 @@ import numpy as np
 from ...arrays import ArrayLike, FloatArray, IndexArray
 from ...geometry.polygons import polygon_areas, polygon_moments
 from .lines import STEP, LineSet
-from .spans import CANDIDATE, SHORTEST_SIDE, TURN, find_quadrangles, off_centre, side_support
+from .spans import (
+    CANDIDATE,
+    SHORTEST_SIDE,
+    TURN,
+    Strips,
+    find_quadrangles,
+    find_strips,
+    off_centre,
+    side_support,
+)
 
 _SECTORS = 12  # directions around the click from which lines are taken evenly
 _TRIANGLE_LINES = 60  # lines around a click of which two are sides of a triangle
@@ -30,11 +39,12 @@ _ALIKE = 0.02  # of a frame's size: corners nearer than this are alike
 class Frames:
     """Corners (N,4,2) in pixels, of which a triangle repeats its first, and how far its sides are covered.
 
-    `support` (N,4) is 0..1, and 1 for the side that a triangle lacks.
+    `support` (N,4) is 0..1, and 1 for the side that a triangle lacks. `strips` are those that they come from.
     """
 
     corners: FloatArray
     support: FloatArray
+    strips: Strips
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,14 +76,15 @@ def find_frames(
     """Frames around a click (u, v), at most `keep`: well covered, and the click well inside."""
     point = np.asarray(click, dtype=np.float64) - lines.centre
     seen = _seen_from(lines, point)
-    corners, support = find_quadrangles(lines, seen.widest(line_limit), point, least_support)
+    strips = find_strips(lines, seen.widest(line_limit), point)
+    corners, support = find_quadrangles(lines, strips, least_support)
     triangles, sides = _triangles(lines, seen, point, least_support)
     corners, support = np.concatenate([corners, triangles]), np.concatenate([support, sides])
     covered = np.log(support).mean(axis=1) + support.min(axis=1)
     best = np.argsort(-covered, kind="stable")[:_CONSIDERED]
     corners, support, covered = corners[best], support[best], covered[best]
     best = _unlike(corners, covered + CANDIDATE * centrality(*polygon_moments(corners), point))[:keep]
-    return Frames(corners[best] + lines.centre, support[best])
+    return Frames(corners[best] + lines.centre, support[best], strips)
 
 
 def _unlike(corners: FloatArray, rank: FloatArray) -> IndexArray:

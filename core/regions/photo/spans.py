@@ -16,9 +16,9 @@ import numpy as np
 from ...arrays import BoolArray, FloatArray, IndexArray
 from .lines import LineSet, joined
 
-_STRIPS = 160  # strips that are closed
+_STRIPS = 130  # strips that are closed
 _WIDE = 0.3  # how much a strip's width (log) counts beside what covers its sides (logs)
-_AIMED = 0.15  # standard deviations that a click is off the middle of its region if it is aimed at it
+_AIMED = 0.07  # standard deviations that a click is off the middle of its region if it is aimed at it
 _ANYWHERE = 0.7  # and if it is not
 _ASTRAY = 0.02  # density of clicks farther off
 CANDIDATE = 0.1  # how much the log odds of the click count while outlines are only gathered
@@ -34,7 +34,7 @@ _PER_OCTAVE = 3.0  # distances per octave of which the best end is kept
 
 
 @dataclass(frozen=True, eq=False)
-class _Ends:
+class Ends:
     """Ends (n,) of strips: `strip` its number, `ahead` of the click or behind, `place` pixels from the click.
 
     `support` is the share that an edge covers, `first` and `second` (n,2) the corners on the strip's sides.
@@ -47,22 +47,34 @@ class _Ends:
     first: FloatArray
     second: FloatArray
 
-    def taken(self, which: IndexArray | BoolArray) -> _Ends:
+    def taken(self, which: IndexArray | BoolArray) -> Ends:
         """Some of the ends."""
-        return _Ends(*(getattr(self, field.name)[which] for field in fields(self)))
+        return Ends(*(getattr(self, field.name)[which] for field in fields(self)))
 
 
-def find_quadrangles(
-    lines: LineSet, chosen: IndexArray, point: FloatArray, least_support: float
-) -> tuple[FloatArray, FloatArray]:
-    """Quadrangles around a point, from the lines' centre: corners (N,4,2) and the support (N,4) of the sides.
+@dataclass(frozen=True, eq=False)
+class Strips:
+    """Pairs of lines on both sides of a click, `first` and `second` (P,), and the ends between them."""
 
-    `chosen` (n,) are the lines that may be long sides; an end may lie on any line. One side may have less
-    than the least support: ornament, a shadow or something in front can hide it.
+    first: IndexArray
+    second: IndexArray
+    ends: Ends
+
+
+def find_strips(lines: LineSet, chosen: IndexArray, point: FloatArray) -> Strips:
+    """Strips around a point, from the lines' centre, with their best ends; lines `chosen` (n,) are sides."""
+    sides = _facing(lines, chosen, point)
+    ends = _ends(lines, sides, point)
+    ends = ends.taken(_best_by_distance(ends, _rank(lines, sides, ends, point)))
+    return Strips(*sides, ends)
+
+
+def find_quadrangles(lines: LineSet, strips: Strips, least_support: float) -> tuple[FloatArray, FloatArray]:
+    """Quadrangles from strips: corners (N,4,2) from the lines' centre, and the support (N,4) of the sides.
+
+    One side may have less than the least support: ornament, a shadow or something in front can hide it.
     """
-    strips = _strips(lines, chosen, point)
-    ends = _ends(lines, strips, point)
-    ends = ends.taken(_best_by_distance(ends, _rank(lines, strips, ends, point)))
+    ends = strips.ends
     ahead, behind = np.flatnonzero(ends.ahead), np.flatnonzero(~ends.ahead)
     x, y = joined(ends.strip[ahead], ends.strip[behind])
     far, near = ends.taken(ahead[x]), ends.taken(behind[y])
@@ -70,9 +82,9 @@ def find_quadrangles(
     support = np.stack(
         [
             far.support,
-            side_support(lines, strips[1][far.strip], far.second, near.second),
+            side_support(lines, strips.second[far.strip], far.second, near.second),
             near.support,
-            side_support(lines, strips[0][far.strip], far.first, near.first),
+            side_support(lines, strips.first[far.strip], far.first, near.first),
         ],
         axis=1,
     )
@@ -89,7 +101,7 @@ def side_support(lines: LineSet, line: IndexArray, start: FloatArray, end: Float
     return share
 
 
-def _strips(lines: LineSet, chosen: IndexArray, point: FloatArray) -> tuple[IndexArray, IndexArray]:
+def _facing(lines: LineSet, chosen: IndexArray, point: FloatArray) -> tuple[IndexArray, IndexArray]:
     """Pairs of lines on both sides of the point, of those that edges cover best around it."""
     away = lines.offset[chosen] - lines.normal[chosen] @ point
     outward, apart = lines.normal[chosen] * np.sign(away)[:, None], np.abs(away)
@@ -118,7 +130,7 @@ def off_centre(apart: FloatArray) -> FloatArray:
     return odds
 
 
-def _ends(lines: LineSet, strips: tuple[IndexArray, IndexArray], point: FloatArray) -> _Ends:
+def _ends(lines: LineSet, strips: tuple[IndexArray, IndexArray], point: FloatArray) -> Ends:
     """All lines that cross a strip in the photo, at some distance from the click, and are covered there."""
     on_first, from_first, met_first = _crossings(lines, strips[0])
     on_second, from_second, met_second = _crossings(lines, strips[1])
@@ -133,7 +145,7 @@ def _ends(lines: LineSet, strips: tuple[IndexArray, IndexArray], point: FloatArr
     )
     axis = lines.direction[strips[0][strip]]
     place = np.sum(((first + second) / 2 - point) * axis, axis=1)
-    ends = _Ends(strip, place > 0, np.abs(place), support, first, second)
+    ends = Ends(strip, place > 0, np.abs(place), support, first, second)
     return ends.taken(ends.place > _NEAREST)
 
 
@@ -153,9 +165,7 @@ def _crossings(lines: LineSet, side: IndexArray) -> tuple[FloatArray, FloatArray
     return along_side, along_line, met
 
 
-def _rank(
-    lines: LineSet, strips: tuple[IndexArray, IndexArray], ends: _Ends, point: FloatArray
-) -> FloatArray:
+def _rank(lines: LineSet, strips: tuple[IndexArray, IndexArray], ends: Ends, point: FloatArray) -> FloatArray:
     """How well (n,) an end and the strip's sides up to it are covered: sum of three logs."""
     rank: FloatArray = np.log(np.maximum(ends.support, _BARE))
     for side, corner in zip(strips, (ends.first, ends.second), strict=True):
@@ -163,7 +173,7 @@ def _rank(
     return rank
 
 
-def _best_by_distance(ends: _Ends, rank: FloatArray) -> IndexArray:
+def _best_by_distance(ends: Ends, rank: FloatArray) -> IndexArray:
     """Of the ends of a strip at about the same distance the best one, and of these the best `_ENDS`."""
     step = np.floor(_PER_OCTAVE * np.log2(ends.place)).astype(np.int64)
     way = ends.strip * 2 + ends.ahead

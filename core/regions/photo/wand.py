@@ -18,6 +18,7 @@ from ...geometry.polygons import polygon_areas
 from ...jobs import Job, Progress, drain, part
 from ...settings import RegionSettings
 from . import edges, evidence
+from .arches import find_arches
 from .choice import expected_overlaps
 from .colour import ColourMap, colour_map, grown_loop, grown_loops
 from .frames import find_frames
@@ -67,6 +68,7 @@ class PhotoWand:
     look: evidence.Look
     ground: ColourMap
     lines: LineSet
+    segments: FloatArray
     settings: RegionSettings
 
     def click(self, pixel: Sequence[float] | FloatArray, kind: Kind = "auto") -> WandClick:
@@ -93,6 +95,9 @@ class PhotoWand:
             frames = find_frames(self.lines, point, self.settings.least_support, self.settings.line_limit)
             loops += list(frames.corners)
             parts.append(evidence.outlines_of(frames.corners, frames.support))
+            arches = find_arches(self.gradient, self.lines, self.segments, frames.strips, point)
+            loops += list(arches.loops)
+            parts.append(evidence.outlines_of_arches(arches))
         count = len(loops)
         if kind != "frame":
             loops += grown_loops(self.ground, point)
@@ -137,7 +142,7 @@ class PhotoWand:
         expected = expected_overlaps(loops, score, evidence.DOUBT)
         levels = []
         for k in _distinct(outlines, score, expected, self.settings.level_count):
-            corners = _without_repeat(loops[k]) if straight[k] else straightened(loops[k])
+            corners = _corners(loops[k], bool(straight[k]), bool(outlines.arched[k]))
             outline = edges.to_full(loops[k] if corners is None else corners, self.factor)
             area = float(outlines.area[k]) / self.factor**2
             levels.append(Level(outline, area, float(score[k]), corners is not None))
@@ -165,8 +170,13 @@ class PhotoWand:
         return edges.to_reduced(point, self.factor)
 
 
-def _without_repeat(corners: FloatArray) -> FloatArray:
-    return corners[:3] if len(corners) == 4 and np.array_equal(corners[3], corners[0]) else corners
+def _corners(loop: FloatArray, frame: bool, arched: bool) -> FloatArray | None:
+    """Few corners (n,2) between which a loop is straight; else None."""
+    if arched:
+        return None
+    if not frame:
+        return straightened(loop)
+    return loop[:3] if np.array_equal(loop[3], loop[0]) else loop  # a triangle repeats its first
 
 
 def _distinct(outlines: evidence.Outlines, score: FloatArray, expected: FloatArray, count: int) -> list[int]:
@@ -177,10 +187,11 @@ def _distinct(outlines: evidence.Outlines, score: FloatArray, expected: FloatArr
     kept: list[int] = []
     corners = outlines.points[:, :, [0, -1]].reshape(len(score), -1, 2)
     size = np.maximum(3.0, 0.02 * np.ptp(corners, axis=1).max(axis=1))
+    places = corners[..., 0] + 1j * corners[..., 1]
     for k in [int(np.argmax(expected)), *np.argsort(-score, kind="stable").tolist()]:
         if len(kept) == count or not np.isfinite(score[k]):
             break
-        gap = np.linalg.norm(corners[k][None, :, None] - corners[kept][:, None], axis=-1)
+        gap = np.abs(places[k][None, :, None] - places[kept][:, None])
         if np.all(gap.min(axis=2).max(axis=1) > size[k]):
             kept.append(k)
     return kept
@@ -204,7 +215,7 @@ def prepare_wand_job(image: ArrayLike, settings: RegionSettings | None = None) -
     lines = yield from part(find_lines_job(segments, small.shape[1], small.shape[0]), 0.5, 1.0)
     gradient = edges.gradient(even)
     look, ground = evidence.look_of(colours, gradient), colour_map(colours, gradient)
-    return PhotoWand(photo, factor, gradient, look, ground, lines, settings)
+    return PhotoWand(photo, factor, gradient, look, ground, lines, segments, settings)
 
 
 def prepare_wand(image: ArrayLike, settings: RegionSettings | None = None) -> PhotoWand:
