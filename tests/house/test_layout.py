@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-ROOMS = ["scans", "photos", "regions", "pose", "texture", "project", "report"]
+ROOMS = ["scans", "photos", "regions", "pose", "homography", "texture", "project", "report"]
 SHARED = {"geometry", "cameras", "jobs", "errors", "files", "settings", "arrays"}
 CORE_FILES = sorted((ROOT / "core").rglob("*.py"))
 
