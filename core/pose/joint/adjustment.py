@@ -211,8 +211,14 @@ def adjust_job(
 
 
 def covariances(problem: Problem, network: Network) -> tuple[FloatArray, FloatArray]:
-    """Covariance (N,6,6) of every pose and (L,5,5) of every lens, all others and the points free."""
-    system = problem.linearise(network)
+    """Covariance (N,6,6) of every pose and (L,5,5) of every lens, all others and the points free.
+
+    What regions and edges of the scan told of the poses may be wrong alike in all photos: where these lie
+    together, it counts as if one photo had told it.
+    """
+    tied = max(len(np.unique(problem.tracks.view)), 1)
+    prior = replace(problem.prior, information=problem.prior.information / tied)
+    system = replace(problem, prior=prior).linearise(network)
     full = invert_scaled(reduce_system(problem.tracks, system, 0.0).matrix)
     count, lenses = len(network.centres), len(network.lenses)
     poses = full[: 6 * count, : 6 * count].reshape(count, 6, count, 6)
