@@ -18,7 +18,7 @@ from .edges import Gradient
 from .lines import LineSet
 from .spans import Strips, side_support
 
-_FEET = 32  # strips with one end on which heads are looked for
+_FEET = 24  # strips with one end on which heads are looked for
 _ALIKE = 6.0  # pixels: of feet with corners nearer than this one is enough
 _UPRIGHT = np.cos(np.radians(60))  # of the angle between the sides and upright in the photo
 _WIDE = 0.3  # how much a strip's width (log) counts beside what covers its sides (logs)
@@ -28,8 +28,9 @@ _SLOPES = np.radians(np.array([-3.0, 3.0], dtype=np.float32))  # how far a segme
 _LOWEST, _STEEPEST, _BINS = 0.3, 3.2, 10  # rises of heads in half widths; a semicircle has 1
 _SPRING = 0.2  # bins of the springing line's height, in half widths
 _SPRINGS = 80  # of these bins
+_SHORTEST = 9.0  # pixels: shorter segments have no direction to speak of
 _FLAT = 0.12  # of the half width: about the middle a head is level, whatever its rise
-_HEADS = 24  # votes per shape that are looked at closely
+_HEADS = 16  # votes per shape that are looked at closely
 _ACROSS = np.sin(np.linspace(-1.45, 1.45, 16))  # places along a head, dense where it is steep
 _MOVES = (6.0, 4.0, 2.5, 1.5)  # pixels by which heads are moved onto the edges
 _CLEAR = 0.06  # gradient of evened lightness above which an edge is no clearer
@@ -121,7 +122,8 @@ def find_arches(
 
     `segments` (S,4) are the edge segments of the photo, `strips` those around the point.
     """
-    apart = (segments.reshape(-1, 2, 2) - lines.centre).astype(np.float32)
+    length = np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1])
+    apart = (segments[length > _SHORTEST].reshape(-1, 2, 2) - lines.centre).astype(np.float32)
     feet = _feet(lines, strips, point - lines.centre)
     parts = []
     within = _within(feet, apart)
