@@ -10,7 +10,7 @@ from ...settings import EdgeSettings
 from ..points.pictures import read_view, read_view_mask
 from .alignment import Photo, PosePrior
 from .photo_edges import photo_edge_field
-from .rendering import ROUGH, EdgeScan
+from .rendering import EdgeScan
 from .scan_edges import ScanEdges
 
 COARSEST = 480.0
@@ -24,10 +24,9 @@ TILES = 32
 
 
 def photo_at(view: View, scale: float, scan: EdgeScan, settings: EdgeSettings) -> Photo:
-    """The photo's edges at `scale`; those of a noisy scan are doubted more."""
+    """The photo's edges at `scale`."""
     field = photo_edge_field(read_view(view, scale), read_view_mask(view, scale))
-    doubt = 0.75 * settings.search * min(1.0, scan.noise / ROUGH)
-    return Photo(view.camera.scaled(scale), field, settings.search, float(doubt))
+    return Photo(view.camera.scaled(scale), field, settings.search)
 
 
 def triangle_size(view: View, prior: PosePrior, scan: EdgeScan) -> float:
