@@ -13,18 +13,16 @@ from ...settings import RegionSettings
 from ..photo.evidence import Outlines, joined_outlines, outline_of_loop, outlines_of
 from ..photo.frames import find_frames
 from .creases import Creases, find_creases
-from .evidence import AGREED, NAMES, measured
+from .evidence import NAMES, RING, measured
 from .front import front_view
 from .growing import SurfaceLevel
 from .index import SurfaceIndex
 from .robust_fit import SurfaceFit
 
-_SIZE = 360  # cells along a view's side
+_SIZE = 400  # cells along a view's side
 _CELL = (0.7, 1 / 11)  # of the near view: in distances of faces, and in widths of patches, at least
-_WIDER = 3.5  # how much wider the far view is
+_WIDER = 3.0  # how much wider the far view is
 _OWN = 0.3  # share of its side below which the far view leaves a frame to the near one
-_FRAMES = 150  # of a view, at most
-_GRID = 96  # pixels of both sides of the grid on which outlines are compared
 _SPECK = 9.0  # square cells below which a part or hole of a region is none
 _CUT = 3.0  # cells from a view's edge at which a region is cut off
 
@@ -72,28 +70,7 @@ def find_candidates(
         number.append(np.array([-1] * len(frames) + list(grown), dtype=np.int64))
     if not loops:
         return Candidates(plane, [], np.zeros((0, len(NAMES))), np.zeros(0, dtype=np.int64))
-    table, level = np.concatenate(evidence), np.concatenate(number)
-    table[:, NAMES.index(AGREED)] = _agreed(loops, level < 0)
-    return Candidates(plane, loops, table, level)
-
-
-def _agreed(loops: Sequence[FloatArray], straight: BoolArray) -> FloatArray:
-    """Largest overlap (N,), intersection over union, of frames with grown outlines and of these with them."""
-    if straight.all() or not straight.any():
-        return np.zeros(len(loops))
-    points = np.concatenate(loops)
-    low = points.min(axis=0)
-    scale = (_GRID - 1) / np.maximum(np.ptp(points, axis=0), 1e-9)
-    masks = np.zeros((len(loops), _GRID, _GRID), dtype=np.uint8)
-    for mask, loop in zip(masks, loops, strict=True):
-        cv2.fillPoly(mask, [np.rint((loop - low) * scale * 16).astype(np.int32)[:, None]], (1,), shift=4)
-    flat = masks.reshape(len(loops), -1).astype(np.float32)
-    area = flat.sum(axis=1)
-    shared = flat[straight] @ flat[~straight].T
-    shares = shared / (area[straight, None] + area[None, ~straight] - shared)
-    agreed = np.zeros(len(loops))
-    agreed[straight], agreed[~straight] = shares.max(axis=1), shares.max(axis=0)
-    return agreed
+    return Candidates(plane, loops, np.concatenate(evidence), np.concatenate(number))
 
 
 def _whole_scan(index: SurfaceIndex, plane: SurfaceFit) -> float:
@@ -106,7 +83,7 @@ def _frames(
 ) -> tuple[list[FloatArray], list[Outlines]]:
     """Frames around the middle of a view that are larger than a share of it."""
     view = creases.view
-    frames = find_frames(creases.lines, view.middle, settings.least_support, settings.line_limit, _FRAMES)
+    frames = find_frames(creases.lines, view.middle, settings.least_support, settings.line_limit)
     inside = np.all((frames.corners > -_CUT) & (frames.corners < view.size + _CUT), axis=(1, 2))
     inside &= np.ptp(frames.corners, axis=1).max(axis=1) > smallest * view.size
     if not inside.any():
@@ -143,8 +120,11 @@ def _grown(
 
 
 def _outlines_of(grown: _Grown) -> Outlines:
-    """Outline to judge, with the borders of its holes; it is dented by what is dented outside."""
-    return replace(outline_of_loop(grown.holes), dented=outline_of_loop(grown.loop).dented)
+    """Outline to judge; around a large opening it is the region's, with the border of that."""
+    outer = outline_of_loop(grown.loop)
+    if grown.left_out < RING:
+        return outer
+    return replace(outline_of_loop(grown.holes), dented=outer.dented)
 
 
 def _outline(inside: BoolArray, click: FloatArray) -> _Grown | None:
