@@ -167,7 +167,7 @@ def summary(name, shares):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", nargs=2, type=int, default=(1000, 48), metavar="N")
+    parser.add_argument("--seeds", nargs=2, type=int, default=(1000, 40), metavar="N")
     parser.add_argument("--keep", type=Path)
     arguments = parser.parse_args()
     first, count = arguments.seeds
