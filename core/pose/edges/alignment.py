@@ -31,15 +31,6 @@ SHARPEST = 0.4
 CELLS = 8
 """The photo is cut into so many cells a side; errors within one are alike."""
 
-PARTS = (8, 4, 3)
-"""Cells a side of the parts that may err together."""
-
-LEAST_RESPONSE = 0.02
-"""Response of the gradient to the pose below which edges hold nothing."""
-
-SAFE_RESPONSE = 0.15
-"""Response that a step counts on at least: a smaller one would lead beyond where it holds."""
-
 
 @dataclass(frozen=True, eq=False)
 class PosePrior:
@@ -59,23 +50,17 @@ class PosePrior:
 
 @dataclass(frozen=True, eq=False)
 class Matches:
-    """Photo edges found along the normals of scan edges: signed `distance` (N,) px and `weight` (N,).
-
-    `response` (N,): share of a shift of the scan's edge by which the distance changes; 0 among edges
-    everywhere, 1 at a single sharp one, below 0 where the next edge takes over.
-    """
+    """Photo edges found along the normals of scan edges: signed `distance` (N,) px and `weight` (N,)."""
 
     distance: FloatArray
     weight: FloatArray
-    response: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
     """A pose that fits edges.
 
-    `edge_errors` (6,6): the part of the covariance that comes from the edges, not from the prior;
-    `claimed_errors` (6,6): what it would be if every match followed the pose wholly; `matched`:
+    `edge_errors` (6,6): the part of the covariance that comes from the edges, not from the prior; `matched`:
     edge points that found a partner, `visible`: all of them; `cells` (K,): numbers of the photo cells that
     hold matched ones.
     """
@@ -84,7 +69,6 @@ class Alignment:
     centre: FloatArray
     covariance: FloatArray
     edge_errors: FloatArray
-    claimed_errors: FloatArray
     matched: int
     visible: int
     cells: IndexArray
@@ -102,8 +86,7 @@ def match_edges(
 
     Every sample along the normal takes part by its strength, direction and distance, so that two edges side
     by side share the match while the pose is rough and the nearer one wins as `width` shrinks.
-    Source: ICP with soft assignment, Granger and Pennec 2002 (EM-ICP); its response: missing information,
-    Louis 1982.
+    Source: ICP with soft assignment, Granger and Pennec 2002 (EM-ICP).
     """
     reach = (
         np.arange(-int(search * SAMPLES_PER_PIXEL), int(search * SAMPLES_PER_PIXEL) + 1) / SAMPLES_PER_PIXEL
@@ -115,18 +98,21 @@ def match_edges(
     near = strength * np.exp(-0.5 * (reach / width) ** 2)
     weight = near.sum(axis=1)
     distance = (near @ reach) / np.maximum(weight, 1e-9)
-    squares = (near @ reach**2) / np.maximum(weight, 1e-9)
-    # the mean follows by 1 - variance / width^2; what is matched changes, too, by distance^2 / width^2
-    return Matches(distance, weight / SAMPLES_PER_PIXEL, 1.0 - squares / width**2)
+    return Matches(distance, weight / SAMPLES_PER_PIXEL)
 
 
 @dataclass(frozen=True, eq=False)
 class Photo:
-    """One image level: its camera, its edges, and the reach `search` (px) of the matching."""
+    """One image level: its camera, its edges, and what may be wrong with matches there.
+
+    `search`: reach of the matching (px); `doubt`: width (px) of the matching that judges how far the edges of
+    a part of the photo may be off together.
+    """
 
     camera: Camera
     field: EdgeField
     search: float
+    doubt: float
 
 
 def align_edges(
@@ -139,26 +125,23 @@ def align_edges(
 ) -> Alignment:
     """Gauss-Newton steps with ever narrower matching. Source: method.md 2.6, eq. 3.31."""
     for width in widths:
-        held = _linearise(photo, edges, rotation, centre, width).held()
+        inflation, _ = _inflations(photo, edges, rotation, centre, width)
         for _ in range(8):
             system = _linearise(photo, edges, rotation, centre, width)
-            step = _fused_step(system, held, prior, rotation, centre)
+            step = _fused_step(system, inflation, prior, rotation, centre)
             rotation, centre = step_pose(rotation, centre, step)
             if float(np.abs(system.jacobian @ step).max(initial=0.0)) < 0.05:
                 break
     system = _linearise(photo, edges, rotation, centre, widths[-1])
     information, _ = prior.pull(rotation, centre)
-    held = system.held()
-    gain = invert_scaled(held.information + information)
-    edge_errors = gain @ held.information @ gain
-    narrow = invert_scaled(held.claimed + information)
-    claimed_errors = narrow @ held.claimed @ narrow
+    by_cells, by_pieces = _inflations(photo, edges, rotation, centre, widths[-1])
+    gain = invert_scaled(system.hessian / by_cells + information)
+    edge_errors = gain @ (system.hessian / by_cells) @ gain * max(1.0, by_pieces / by_cells)
     return Alignment(
         rotation,
         centre,
         gain @ information @ gain + edge_errors,
         edge_errors,
-        claimed_errors,
         int(system.matched.sum()),
         len(system.matched),
         system.cells,
@@ -166,71 +149,50 @@ def align_edges(
 
 
 @dataclass(frozen=True, eq=False)
-class _Held:
-    """How firmly edges hold a pose.
-
-    `information` (6,6); `weight` and `slope` (6,6) of their pulls in a step; `claimed` (6,6): the information
-    if every match followed the pose wholly.
-    """
-
-    information: FloatArray
-    claimed: FloatArray
-    weight: float
-    slope: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class _System:
-    """Normal equations of the matches.
-
-    `pulls` (N,6): what each adds to the gradient; `slope` (6,6): how the gradient changes with the pose;
-    `place` (N,2): in the photo, 0 to 1; `piece` (N,): of edge; `matched` (N,): whether it counts.
-    """
+    """Normal equations of the matches; what each adds to the gradient, its cell, its piece, if it counts."""
 
     jacobian: FloatArray
     hessian: FloatArray
-    slope: FloatArray
     pulls: FloatArray
-    place: FloatArray
+    cell: IndexArray
     piece: IndexArray
     matched: BoolArray
 
     @property
     def cells(self) -> IndexArray:
         """Numbers (K,) of the photo cells that hold the pose."""
-        return np.flatnonzero(np.bincount(cell_of(self.place[self.matched], CELLS), minlength=1) >= 5)
+        return np.flatnonzero(np.bincount(self.cell[self.matched], minlength=1) >= 5)
 
-    def held(self) -> _Held:
-        """How firmly the pose is held, by the disagreement of the photo's parts and of edge pieces.
-
-        Edges of one part err together (a worn cornice, a shadow, a rounded crease), and so do those of one
-        piece of edge, however long: their pulls are the independent ones; of several sizes the one that
-        leaves the most doubt is taken. A gradient that hardly follows the pose, because matches find some
-        edge near every place, holds it as little. Source: cluster-robust ("sandwich") variance of an
-        estimating equation, Huber 1967, Liang and Zeger 1986; the scatter as a mean over the unknowns.
-        """
-        size = np.sqrt(np.maximum(np.diag(self.hessian), 1e-18))
-        values, vectors = np.linalg.eigh(self.hessian / np.outer(size, size))
-        root = size[:, None] * vectors * np.sqrt(np.maximum(values, 1e-12))
-        white = np.linalg.inv(root)
-        responses, axes = np.linalg.eigh(white @ self.slope @ white.T)
-        groups = [self.piece, *(cell_of(self.place, cells) for cells in PARTS)]
-        scatter = max(float(np.trace(white @ self._spread(group) @ white.T)) / 6.0 for group in groups)
-        share = np.minimum(np.maximum(responses, LEAST_RESPONSE) ** 2 / max(scatter, 1e-9), 1.0)
-        mean = max(float(responses.mean()), LEAST_RESPONSE)
-        weight = min(mean / max(scatter, 1e-9), 1.0 / mean)
-        back = root @ axes
-        steep = weight * np.maximum(responses, SAFE_RESPONSE)
-        claimed = self.hessian / max(scatter, 1.0)
-        return _Held((back * share) @ back.T, claimed, weight, (back * steep) @ back.T)
-
-    def _spread(self, group: IndexArray) -> FloatArray:
+    def spread(self, group: IndexArray) -> FloatArray:
         """Covariance (6,6) of the gradient when the edges of a `group` (N,) err together."""
         used, index = np.unique(group, return_inverse=True)
         sums = np.zeros((len(used), 6))
         np.add.at(sums, index, self.pulls)
         out: FloatArray = sums.T @ sums * len(used) / max(len(used) - 6, 1)
         return out
+
+
+def _inflations(
+    photo: Photo, edges: ScanEdges, rotation: FloatArray, centre: FloatArray, width: float
+) -> tuple[float, float]:
+    """Factors on the covariance at `width` from the disagreement of cells and of edge pieces, at least 1.
+
+    Edges of one cell err together (a worn cornice, a shadow), and so do those of one piece of edge, however
+    long: their pulls are the independent ones. Cells weigh edges against the prior; the result's errors are
+    those of the pieces where they disagree more. Of a noisy scan pulls are taken with wide matching: a narrow
+    one finds some edge near every place and hides what a whole cell is off. Source: cluster-robust
+    ("sandwich") variance, Liang and Zeger 1986, its mean over the unknowns.
+    """
+    wide = _linearise(photo, edges, rotation, centre, max(width, photo.doubt))
+    narrow = _linearise(photo, edges, rotation, centre, width)
+    inverse = invert_scaled(wide.hessian)
+    ratio = float(np.trace(inverse @ narrow.hessian)) / 6.0
+    by_cells, by_pieces = (
+        max(1.0, ratio * float(np.trace(inverse @ wide.spread(group))) / 6.0)
+        for group in (wide.cell, wide.piece)
+    )
+    return by_cells, by_pieces
 
 
 def _linearise(
@@ -243,19 +205,15 @@ def _linearise(
     by_pose = by_point[usable] @ camera_point_jacobian(rotation, in_camera[usable])
     jacobian = np.einsum("ni,nik->nk", normals, by_pose)
     matches = match_edges(photo.field, pixels, normals, width, photo.search)
-    place = pixels / [photo.camera.width, photo.camera.height]
-    trust, kept = _trust(matches, width)
-    weight = _weights(matches.weight * edges.strength[usable], cell_of(place, CELLS)) * trust
+    cell = _cells(photo.camera, pixels)
+    weight = _weights(matches.weight * edges.strength[usable], cell) * _trust(matches, width)
     hessian = (jacobian * weight[:, None]).T @ jacobian
-    slope = (jacobian * (weight * kept * matches.response)[:, None]).T @ jacobian
     pulls = (weight * -matches.distance)[:, None] * jacobian
-    return _System(jacobian, hessian, slope, pulls, place, edges.piece[usable], matches.weight > MATCHED)
+    return _System(jacobian, hessian, pulls, cell, edges.piece[usable], matches.weight > MATCHED)
 
 
-def _trust(matches: Matches, width: float) -> tuple[FloatArray, FloatArray]:
-    """Weight (N,) of each match by its distance against the usual one; all the same while matching is wide.
-
-    Also the share (N,) of the pull's slope by the distance that this leaves, below 0 far off.
+def _trust(matches: Matches, width: float) -> FloatArray:
+    """Weight (N,) of each match by its distance against the usual one; hardly any while matching is wide.
 
     An edge that the photo does not show finds its neighbour instead, which lies off.
     Source: Geman and McClure 1985, with the scale from the median absolute deviation.
@@ -263,8 +221,8 @@ def _trust(matches: Matches, width: float) -> tuple[FloatArray, FloatArray]:
     found = matches.weight > MATCHED
     usual = 1.483 * float(np.median(np.abs(matches.distance[found]))) if found.any() else 0.0
     scale = max(2.0 * usual, SHARPEST * width**2)
-    squared = (matches.distance / scale) ** 2
-    return 1.0 / (1.0 + squared) ** 2, (1.0 - 3.0 * squared) / (1.0 + squared)
+    out: FloatArray = 1.0 / (1.0 + (matches.distance / scale) ** 2) ** 2
+    return out
 
 
 def _weights(strength: FloatArray, cell: IndexArray) -> FloatArray:
@@ -279,19 +237,19 @@ def _weights(strength: FloatArray, cell: IndexArray) -> FloatArray:
     return weight
 
 
-def cell_of(place: FloatArray, cells: int) -> IndexArray:
-    """Number (N,) of the cell, `cells` a side, in which places (N,2) of the photo, 0 to 1, lie."""
-    column, row = np.clip((place * cells).astype(np.int64), 0, cells - 1).T
-    out: IndexArray = row * cells + column
+def _cells(camera: Camera, pixels: FloatArray) -> IndexArray:
+    size = np.array([camera.width, camera.height]) / CELLS
+    column, row = np.clip((pixels // size).astype(np.int64), 0, CELLS - 1).T
+    out: IndexArray = row * CELLS + column
     return out
 
 
 def _fused_step(
-    system: _System, held: _Held, prior: PosePrior, rotation: FloatArray, centre: FloatArray
+    system: _System, inflation: float, prior: PosePrior, rotation: FloatArray, centre: FloatArray
 ) -> FloatArray:
     information, pull = prior.pull(rotation, centre)
-    hessian = held.slope + information
-    return -solve_scaled(hessian, held.weight * system.pulls.sum(axis=0) + pull, damping=1e-9)
+    hessian = system.hessian / inflation + information
+    return -solve_scaled(hessian, system.pulls.sum(axis=0) / inflation + pull, damping=1e-9)
 
 
 def edge_agreement(photo: Photo, edges: ScanEdges, rotation: FloatArray, centre: FloatArray) -> float:

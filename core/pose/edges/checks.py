@@ -28,9 +28,6 @@ RIVAL = 0.85
 OPEN = 0.5
 """Share of an assumed standard deviation that edges have to get below in every direction."""
 
-SURER = 0.8
-"""Share of the start's standard deviation that has to be reached for a pose to be moved."""
-
 CONTRADICTION = 16.0
 """Halves that are four standard deviations apart in every direction contradict each other."""
 
@@ -95,21 +92,6 @@ def open_direction(covariance: FloatArray, prior: PosePrior) -> str:
     )
 
 
-def hardly_surer(covariance: FloatArray, prior: PosePrior) -> str:
-    """Note when neither the turn nor the place of the camera gets much surer: then a move is mostly noise."""
-    before, after = (
-        [float(np.sqrt(np.trace(one[part, part]))) for part in (slice(0, 3), slice(3, 6))]
-        for one in (prior.covariance, covariance)
-    )
-    if min(after[0] / before[0], after[1] / before[1]) < SURER:
-        return ""
-    return (
-        "The edges of this scan would make the pose hardly surer (centre from "
-        f"{1000 * before[1]:.0f} to {1000 * after[1]:.0f} mm): it was kept."
-        " Refine it together with other photos."
-    )
-
-
 def ambiguous(rival: float) -> str:
     """Note when another pose fits nearly as well: `rival` is its share of the best fit."""
     if rival <= RIVAL:
@@ -163,6 +145,5 @@ def _disagreement(
     )
     step = pose_difference(one.rotation, one.centre, other.rotation, other.centre)
     # the common hold has no error of its own: only the edges' errors make the halves differ
-    # and edges that contradict each other must not hide behind matches that hardly follow the pose
-    expected = one.claimed_errors + other.claimed_errors
+    expected = one.edge_errors + other.edge_errors
     return float(step @ invert_scaled(expected) @ step) / 6.0

@@ -10,7 +10,7 @@ from ...settings import EdgeSettings
 from ..points.pictures import read_view, read_view_mask
 from .alignment import Photo, PosePrior
 from .photo_edges import photo_edge_field
-from .rendering import EdgeScan
+from .rendering import ROUGH, EdgeScan
 from .scan_edges import ScanEdges
 
 COARSEST = 480.0
@@ -24,9 +24,10 @@ TILES = 32
 
 
 def photo_at(view: View, scale: float, scan: EdgeScan, settings: EdgeSettings) -> Photo:
-    """The photo's edges at `scale`."""
+    """The photo's edges at `scale`; those of a noisy scan are doubted more."""
     field = photo_edge_field(read_view(view, scale), read_view_mask(view, scale))
-    return Photo(view.camera.scaled(scale), field, settings.search)
+    doubt = 0.75 * settings.search * min(1.0, scan.noise / ROUGH)
+    return Photo(view.camera.scaled(scale), field, settings.search, float(doubt))
 
 
 def triangle_size(view: View, prior: PosePrior, scan: EdgeScan) -> float:

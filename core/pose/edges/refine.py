@@ -18,7 +18,6 @@ from .checks import (
     far_move,
     few_edges,
     halves_apart,
-    hardly_surer,
     no_agreement,
     open_direction,
 )
@@ -63,9 +62,8 @@ def refine_pose_by_edges(
     vertices (V,3) m, world; faces (F,3); vertex_colors (V,3) or intensities (V,), bytes or 0 to 1: their
     edges are used as well. All poses within `view.covariance` (without one: the settings) are searched. The
     pose is kept, and `note` says why, where another pose explains the edges nearly as well, where edges are
-    few, crowded, agree no better than before or tell hardly more than was known, where it would move further
-    than the covariance makes likely, and where two halves of the photo contradict each other; a small
-    contradiction widens the covariance.
+    few, crowded or agree no better than before, where it would move further than the covariance makes likely,
+    and where two halves of the photo contradict each other; a small contradiction widens the covariance.
     Raises `PhotoError` for a photo that cannot be read. Source: method.md 2.6.
     """
     scan = EdgeScan.centred(vertices, faces, vertex_colors)
@@ -141,7 +139,7 @@ def _decide(case: _Case, levels: list[Photo], fit: ScanEdges, alignment: Alignme
     if not note:
         disagreement = disagreement_of_halves(levels[-1], fit, alignment, prior, WIDTHS)
         covariance = alignment.widened(disagreement)
-        note = halves_apart(disagreement) or hardly_surer(covariance, prior)
+        note = halves_apart(disagreement)
         if view.covariance is None:
             note = note or open_direction(covariance, prior)
     if note:

@@ -79,25 +79,22 @@ class Rendering:
     """What a camera sees: `hit` (H,W), `distance` (H,W) m from the camera centre, 0 where nothing is hit.
 
     `normals` (H,W,3) unit, camera frame, towards the camera; `colors` (H,W,C) or None; zero without a hit.
-    `rays` (H,W,3): direction of every pixel in the camera frame, NaN where the lens sees nothing.
     """
 
     hit: BoolArray
     distance: FloatArray
     normals: FloatArray
     colors: FloatArray | None
-    rays: FloatArray
 
 
 def render_scan(camera: Camera, rotation: FloatArray, centre: FloatArray, scan: EdgeScan) -> Rendering:
     """Cast one ray per pixel of `camera`, whatever its model, from a pose (3,3), (3,) m."""
-    parts, seen = [], []
+    parts = []
     columns = np.arange(camera.width, dtype=np.float64)
     for top in range(0, camera.height, ROWS):
         rows = np.arange(top, min(top + ROWS, camera.height), dtype=np.float64)
         pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
-        seen.append(camera.unproject(pixels))
-        parts.append(_cast(seen[-1], rotation, centre, scan))
+        parts.append(_cast(camera.unproject(pixels), rotation, centre, scan))
     shape = camera.height, camera.width
     hit, distance, normals, colors = (np.concatenate(part) for part in zip(*parts, strict=True))
     return Rendering(
@@ -105,7 +102,6 @@ def render_scan(camera: Camera, rotation: FloatArray, centre: FloatArray, scan: 
         distance.reshape(shape),
         normals.reshape(*shape, 3),
         None if scan.colors is None else colors.reshape(*shape, -1),
-        np.concatenate(seen).reshape(*shape, 3),
     )
 
 

@@ -54,7 +54,7 @@ def find_scan_edges(
     seen = render_scan(camera, rotation, centre, scan)
     # noise turns the surface, too
     crease = settings.crease * (1.0 + scan.noise / ROUGH)
-    xx, yy, xy = _gradients(seen, crease, settings.step)
+    xx, yy, xy = _gradients(camera, seen, crease, settings.step)
     solid = cv2.erode(seen.hit.astype(np.uint8), np.ones((7, 7), np.uint8), borderValue=[1.0])
     magnitude = np.sqrt(xx + yy) * solid
     angle = 0.5 * np.arctan2(2 * xy, xx - yy)
@@ -70,13 +70,13 @@ def find_scan_edges(
 
 
 def _gradients(
-    seen: Rendering, crease: float, step: float
+    camera: Camera, seen: Rendering, crease: float, step: float
 ) -> tuple[Float32Array, Float32Array, Float32Array]:
     """Structure tensor of the surface in units of the smallest edge (degrees, px): xx, yy, xy (H,W)."""
     weight = seen.hit.astype(np.float32)
     unit = np.float32(1.0 / np.radians(crease))
     xx, yy, xy = structure_tensor(unit * _smooth(seen.normals[..., k], weight) for k in range(3))
-    step_x, step_y = _depth_steps(seen, step)
+    step_x, step_y = _depth_steps(camera, seen, step)
     xx, yy = xx + step_x**2, yy + step_y**2
     if seen.colors is not None:
         channels = (np.log(seen.colors[..., k] + 4.0) for k in range(seen.colors.shape[2]))
@@ -93,13 +93,15 @@ def _smooth(channel: FloatArray, weight: Float32Array) -> Float32Array:
     return mean
 
 
-def _depth_steps(seen: Rendering, step: float) -> tuple[Float32Array, Float32Array]:
+def _depth_steps(camera: Camera, seen: Rendering, step: float) -> tuple[Float32Array, Float32Array]:
     """Depth steps between neighbours along x and y, in units of the smallest one, 0 without.
 
     A step is what lies off the tangent planes of both neighbours, so that a slanted wall has none.
     """
-    points = np.nan_to_num(seen.rays) * seen.distance[..., None]
-    pixel = float(np.nanmedian(np.linalg.norm(np.diff(seen.rays, axis=1), axis=2)))
+    rows, columns = np.mgrid[0 : camera.height, 0 : camera.width]
+    rays = camera.unproject(np.stack([columns, rows], axis=-1).reshape(-1, 2).astype(np.float64))
+    points = np.nan_to_num(rays).reshape(*seen.hit.shape, 3) * seen.distance[..., None]
+    pixel = float(np.nanmedian(np.linalg.norm(np.diff(rays.reshape(*seen.hit.shape, 3), axis=1), axis=2)))
     steps = []
     for axis in (1, 0):
         apart = np.roll(points, -1, axis) - points

@@ -131,7 +131,7 @@ def test_edges_matched_anew_stay_within_the_doubt(wall, views):
             anew.append(start)
             continue
         prior = PosePrior(start.rotation, start.centre - origin, start.covariance)
-        photo = Photo(SMALL, photo_edge_field(start.image, None), settings.search)
+        photo = Photo(SMALL, photo_edge_field(start.image, None), settings.search, 0.0)
         here = pose.rotation, pose.centre - origin
         seen = find_scan_edges(photo.camera, *here, scan, settings)
         found = align_edges(photo, seen, *here, prior, (1.0,))
