@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
 
 import cv2
@@ -40,24 +41,47 @@ class Candidates:
     level: IndexArray
 
 
-def find_candidates(
-    index: SurfaceIndex, plane: SurfaceFit, levels: Sequence[SurfaceLevel], settings: RegionSettings
-) -> Candidates:
-    """Frames and grown levels around the middle of a plane, seen in two views of different width."""
+@dataclass(frozen=True, eq=False)
+class FramedView:
+    """`creases` of a view, and the `frames` (n,2) pixels around its middle with their `outlines` to judge."""
+
+    creases: Creases
+    frames: list[FloatArray]
+    outlines: list[Outlines]
+
+
+def framed_views(
+    index: SurfaceIndex, plane: SurfaceFit, settings: RegionSettings, pool: Executor
+) -> list[Future[FramedView]]:
+    """The near view around the middle of a plane and, where the scan goes on, the far one; `pool` works."""
     cell = max(_CELL[0] * index.spacing, _CELL[1] * index.patches.width)
+    near = _whole_scan(index, plane) < cell * _SIZE / 2
+    # The far view first: it takes longer.
+    sizes = [(cell, 0.0)] if near else [(cell * _WIDER, _OWN / _WIDER), (cell, 0.0)]
+    return [pool.submit(_framed_view, index, plane, *size, settings) for size in sizes][::-1]
+
+
+def _framed_view(
+    index: SurfaceIndex, plane: SurfaceFit, cell: float, smallest: float, settings: RegionSettings
+) -> FramedView:
+    """View in cells of `cell` m, with frames larger than a share of it."""
+    creases = find_creases(front_view(index, plane, cell, _SIZE, settings.colour_tolerance > 0), index.noise)
+    return FramedView(creases, *_frames(creases, settings, smallest))
+
+
+def find_candidates(
+    index: SurfaceIndex, plane: SurfaceFit, views: Sequence[FramedView], levels: Sequence[SurfaceLevel]
+) -> Candidates:
+    """Frames and grown levels around the middle of a plane, seen in views of growing width."""
     left = list(range(len(levels)))
     loops: list[FloatArray] = []
     evidence: list[FloatArray] = []
     number: list[IndexArray] = []
-    near = _whole_scan(index, plane) < cell * _SIZE / 2
-    for wider in (1.0,) if near else (1.0, _WIDER):
-        last = near or wider > 1
-        coloured = settings.colour_tolerance > 0
-        creases = find_creases(front_view(index, plane, cell * wider, _SIZE, coloured), index.noise)
-        frames, parts = _frames(creases, settings, 0.0 if wider == 1 else _OWN / wider)
-        grown = _grown(index, creases, levels, left, last)
+    for view in views:
+        creases, frames = view.creases, view.frames
+        grown = _grown(index, creases, levels, left, view is views[-1])
         left = [k for k in left if k not in grown]
-        parts += [_outlines_of(one) for one in grown.values()]
+        parts = [*view.outlines, *(_outlines_of(one) for one in grown.values())]
         found = [*frames, *(one.holes for one in grown.values())]
         if not found:
             continue

@@ -22,14 +22,17 @@ def framed_level(index: SurfaceIndex, plane: SurfaceFit, outline: FloatArray, sc
     area = float(polygon_areas(outline[None])[0])
     half = 2 * area / float(np.linalg.norm(np.roll(outline, -1, axis=0) - outline, axis=1).sum())
     patches = index.patches
-    local = (patches.middle - plane.centre) @ plane.axes.T
-    members = np.flatnonzero(within(local[:, :2], outline) & (np.abs(local[:, 2]) < _DEEP * half))
-    height = local[members, 2][patches.normal[members] @ plane.normal > _FACING]
+    radius = float(np.linalg.norm(outline, axis=1).max())  # about the plane's centre
+    members = np.flatnonzero(np.abs(patches.middle - plane.centre).max(axis=1) <= radius + _DEEP * half)
+    local = (patches.middle[members] - plane.centre) @ plane.axes.T
+    inside = within(local[:, :2], outline) & (np.abs(local[:, 2]) < _DEEP * half)
+    members, local = members[inside], local[inside]
+    height = local[patches.normal[members] @ plane.normal > _FACING, 2]
     middle = float(np.median(height)) if len(height) else 0.0
     scatter = 1.4826 * float(np.median(np.abs(height - middle))) if len(height) else 0.0
     reach = float(np.clip(_SCATTERS * scatter, max(_LEAST[0] * index.noise, _LEAST[1] * half), _DEEP * half))
     fit = SurfaceFit(plane.centre + middle * plane.normal, plane.axes, np.zeros(6), scatter)
-    members = members[np.abs(local[members, 2] - middle) < reach]
+    members = members[np.abs(local[:, 2] - middle) < reach]
     return SurfaceLevel(members, area, reach, score, fit, outline)
 
 

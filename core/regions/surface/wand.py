@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from heapq import heappop, heappush
 
@@ -14,7 +15,7 @@ from ...settings import RegionSettings
 from ..photo.choice import expected_overlaps, overlaps
 from . import evidence
 from .border import refined_border
-from .candidates import Candidates, find_candidates
+from .candidates import Candidates, find_candidates, framed_views
 from .framed import framed_faces, framed_level
 from .graph import reduced_pairs
 from .growing import SurfaceLevel, grown_level, part_around
@@ -23,6 +24,7 @@ from .robust_fit import SurfaceFit, fit_smooth, plane_through
 from .score import shape_score, stability_score
 
 _GROWTH = 1.4  # ratio of neighbouring tolerances
+_SAME_FIT = 0.5  # noises of the scan by which first fits differ that lead to the same regions
 _NEAR = 3_000  # patches looked at first; all, when a region reaches the border of these
 _SATURATED = 3  # levels in a row
 _COMPARED = 60  # best frames that are compared
@@ -79,15 +81,22 @@ def clicked_candidates(
     if not 0 <= face < index.face_count:
         raise RegionError("The click is not on the scan.")
     starts = _starts(index, face, settings)
-    levels = _grown(index, face, starts, settings)
-    return levels, find_candidates(index, _front_plane(index, face, starts[0]), levels, settings)
+    plane = _front_plane(index, face, starts[0])
+    # Growing and looking do not need one another, and much of both leaves the interpreter to the other.
+    with ThreadPoolExecutor(2) as pool:
+        views = framed_views(index, plane, settings, pool)
+        levels = _grown(index, face, starts, settings)
+        return levels, find_candidates(index, plane, [view.result() for view in views], levels)
 
 
 def _grown(
     index: SurfaceIndex, face: int, starts: Sequence[SurfaceFit], settings: RegionSettings
 ) -> tuple[SurfaceLevel, ...]:
     """Levels around a face from the most promising of some first fits."""
-    start = max(starts, key=lambda fit: _promise(index, face, fit, settings))
+    starts = _unlike(index, face, starts, settings)
+    start = (
+        max(starts, key=lambda fit: _promise(index, face, fit, settings)) if len(starts) > 1 else starts[0]
+    )
     tolerances = _tolerances(index, start, settings)
     levels = _levels(index, face, start, tolerances, _NEAR, settings)
     rest = [tolerance for tolerance in tolerances if not levels or tolerance > levels[-1].tolerance]
@@ -210,6 +219,20 @@ def _starts(index: SurfaceIndex, face: int, settings: RegionSettings) -> list[Su
     wide, narrow = settings.seed_patches, settings.seed_patches // 4
     fits = [_fit_around(index, face, _nearest(index, face, count)) for count in (wide, narrow)]
     return [*fits, _fit_around(index, face, _smoothest(index, face, narrow))]
+
+
+def _unlike(
+    index: SurfaceIndex, face: int, starts: Sequence[SurfaceFit], settings: RegionSettings
+) -> list[SurfaceFit]:
+    """First fits without those that hardly differ, around the face, from one before."""
+    places = index.patches.middle[_nearest(index, face, settings.seed_patches)]
+    front = index.smooth_normal[face]
+    heights = [fit.distance(places) * np.sign(fit.normal @ front) for fit in starts]
+    kept: list[int] = []
+    for number, height in enumerate(heights):
+        if all(np.abs(height - heights[other]).max() > _SAME_FIT * index.noise for other in kept):
+            kept.append(number)
+    return [starts[number] for number in kept]
 
 
 def _fit_around(index: SurfaceIndex, face: int, near: IndexArray) -> SurfaceFit:

@@ -1,8 +1,10 @@
 """What a click on the scan sees from the front: the view, its creases, frames, and the faces within them."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
-from fresco.core.regions.surface.candidates import find_candidates
+from fresco.core.regions.surface.candidates import find_candidates, framed_views
 from fresco.core.regions.surface.cloud_index import index_cloud
 from fresco.core.regions.surface.creases import find_creases
 from fresco.core.regions.surface.evidence import NAMES
@@ -114,7 +116,9 @@ def test_an_outline_with_a_repeated_corner_is_a_triangle():
 
 def test_candidates_have_all_evidence_and_hold_the_panel(panel):
     index, plane = panel
-    found = find_candidates(index, plane, (), RegionSettings())
+    with ThreadPoolExecutor(1) as pool:
+        views = [view.result() for view in framed_views(index, plane, RegionSettings(), pool)]
+    found = find_candidates(index, plane, views, ())
     assert found.evidence.shape == (len(found.loops), len(NAMES))
     assert np.all(np.isfinite(found.evidence))
     assert np.all(found.level == -1)
