@@ -157,7 +157,8 @@ def estimate_homography(
     rng = np.random.default_rng(0)
     found = _moment_fits(both)
     fits = [_by_outlines(both, fit, rng) for fit in _plausible(found)] if found else []
-    if not fits or min(fit.overlap for fit in fits) > OVERLAP_LIMIT:
+    fits = [fit for fit in fits if fit.overlap <= OVERLAP_LIMIT]
+    if not fits:
         raise PoseNotFound(
             "No plane explains both outlines: check that the regions show the same flat thing, and all of it."
         )
@@ -310,7 +311,8 @@ def outline_step(distances: FloatArray, jacobian: FloatArray, scale: float) -> F
     """Gauss-Newton step (P,) that lessens distances (n,) px, with Geman-McClure weights at `scale` px."""
     weighted = jacobian * robust_weights(distances, scale)[:, None]
     normal = weighted.T @ jacobian
-    damped = normal + 1e-6 * np.diag(np.diag(normal)) + 1e-12 * np.eye(len(normal)) * np.trace(normal)
+    least = 1e-12 * np.trace(normal) + 1e-300  # where nothing is seen there is no step
+    damped = normal + 1e-6 * np.diag(np.diag(normal)) + least * np.eye(len(normal))
     step: FloatArray = -np.linalg.solve(damped, weighted.T @ np.nan_to_num(distances))
     return step
 

@@ -111,5 +111,15 @@ def links_of(views: Sequence[Sequence[RegionView | None]], reference: int) -> li
     return links
 
 
+def reaching(links: Sequence[Link], reference: int) -> list[Link]:
+    """Links of cameras that other links join with the reference; without these a camera's place is open."""
+    joined = {reference}
+    while True:
+        beside = [link for link in links if (link.first in joined) != (link.second in joined)]
+        if not beside:
+            return [link for link in links if link.first in joined]
+        joined.update(camera for link in beside for camera in (link.first, link.second))
+
+
 def _size(view: RegionView | None) -> float:
     return 0.0 if view is None else view.size

@@ -40,18 +40,15 @@ def plane_from_homography(
         raise PoseNotFound("Both cameras stand at one place: from there no distance can be told.")
     rays = _rays(camera1, image_region1)
     mapped = rays @ np.asarray(matrix, dtype=np.float64).T
-    pixels = camera2.project(mapped)
-    back = camera2.project(-mapped)
-    flipped = np.count_nonzero(np.all(np.isfinite(back), axis=1)) > np.count_nonzero(
-        np.all(np.isfinite(pixels), axis=1)
-    )
-    mapped = -mapped if flipped else mapped
     mapped /= np.linalg.norm(mapped, axis=1, keepdims=True)
     known = np.cross(mapped, rays @ turn.T)
     slope = np.cross(mapped, shift)[:, :, None] * rays[:, None, :]
     inverse_normal = np.linalg.lstsq(slope.reshape(-1, 3), -known.ravel(), rcond=None)[0]
     size = float(np.linalg.norm(inverse_normal))
-    if not size > 0 or not np.mean(rays @ inverse_normal > 0) > 0.5:
+    before = rays @ inverse_normal > 0
+    carried = rays @ turn.T + np.outer(rays @ inverse_normal, shift)
+    seen = np.all(np.isfinite(camera2.project(carried)), axis=1)
+    if not size > 0 or not np.mean(before) > 0.5 or not np.any(before & seen):
         raise PoseNotFound("No plane before the cameras gives this homography with this pose between them.")
     normal: FloatArray = inverse_normal / size
     return normal, 1.0 / size

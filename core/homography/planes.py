@@ -14,7 +14,7 @@ from ..jobs import Job, Progress, drain
 from ..regions import ImageRegion
 from .adjustment import by_maps, by_moments, by_outlines, overlap
 from .estimate import OVERLAP_LIMIT
-from .network import Link, Network, links_of
+from .network import Link, Network, links_of, reaching
 from .starts import decomposed_start, maps_of, turned_start
 from .views import ORDER, RegionView, region_view
 
@@ -74,7 +74,7 @@ def estimate_poses_and_planes_job(
     ]
     links, network = yield from _started_job(views, reference)
     network = yield from _by_moments_job(network, links)
-    agreeing = [link for link in links if overlap(network, link) < OVERLAP_LIMIT]
+    agreeing = reaching([link for link in links if overlap(network, link) < OVERLAP_LIMIT], reference)
     if 0 < len(agreeing) < len(links):
         network = yield from _by_moments_job(network, agreeing)
     if not agreeing:

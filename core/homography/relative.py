@@ -11,6 +11,7 @@ from ..errors import PoseNotFound
 from ..geometry.rigid import rotation_between
 from .estimate import unit_scale
 
+_SINGULAR = 1e-12  # of the cubed norm, up to which a determinant is none
 _TURN_ONLY = 1e-7  # singular values nearer to 1 than this are 1; if all are, the camera has only turned
 
 
@@ -43,9 +44,7 @@ def relative_poses_from_homography(
     Source: Ma, Soatto, Kosecka and Sastry, An Invitation to 3-D Vision, 2004, ch. 5.3.
     """
     given = np.asarray(matrix, dtype=np.float64)
-    if given.shape != (3, 3) or not np.all(np.isfinite(given)) or abs(np.linalg.det(given)) < 1e-12:
-        raise PoseNotFound("This homography is singular: its plane goes through one of the cameras.")
-    scaled = unit_scale(given)
+    scaled = _unit_scale(given)
     singular = np.linalg.svd(scaled, compute_uv=False)
     if singular[0] - singular[2] < _TURN_ONLY:
         return (RelativePose(scaled, np.zeros(3), np.full(3, np.nan)),)
@@ -76,20 +75,31 @@ def _other_side(pose: RelativePose) -> RelativePose:
     return RelativePose(pose.rotation, -pose.translation, -pose.normal)
 
 
-def relative_pose_of_upright_plane(matrix: ArrayLike, up1: ArrayLike, up2: ArrayLike) -> RelativePose:
+def _unit_scale(given: FloatArray) -> FloatArray:
+    """Homography at unit scale; PoseNotFound for a singular matrix, of whatever scale."""
+    whole = given.shape == (3, 3) and bool(np.all(np.isfinite(given)))
+    if not whole or not abs(np.linalg.det(given)) > _SINGULAR * np.linalg.norm(given) ** 3:
+        raise PoseNotFound("This homography is singular: its plane goes through one of the cameras.")
+    return unit_scale(given)
+
+
+def relative_pose_of_upright_plane(
+    matrix: ArrayLike, up1: ArrayLike, up2: ArrayLike, rays: ArrayLike | None = None
+) -> RelativePose:
     """Pose from the homography of a vertical plane when both cameras know where up is: it is only one.
 
-    `up1`, `up2` (3,) are the directions in the cameras' frames. Source: method.md 5.1, weak Manhattan;
-    Saurer et al. 2012.
+    `up1`, `up2` (3,) are the directions in the cameras' frames; `rays` (n,3) of the plane in the first
+    camera, by default its viewing direction, tell on which side the plane is.
+    Source: method.md 5.1, weak Manhattan; Saurer et al. 2012.
 
     Raises
     ------
     PoseNotFound
-        The homography is not that of a vertical plane.
+        The homography is singular or not that of a vertical plane.
     """
     z = np.array([0.0, 0.0, 1.0])
     level1, level2 = rotation_between(np.asarray(up1), z), rotation_between(np.asarray(up2), z)
-    upright = level2 @ unit_scale(np.asarray(matrix, dtype=np.float64)) @ level1.T
+    upright = level2 @ _unit_scale(np.asarray(matrix, dtype=np.float64)) @ level1.T
     # A vertical plane's normal has no z: the last column is that of a turn about z.
     upright = upright / np.linalg.norm(upright[:, 2])
     if upright[2, 2] < np.cos(np.radians(20)):
@@ -109,7 +119,8 @@ def relative_pose_of_upright_plane(matrix: ArrayLike, up1: ArrayLike, up2: Array
         raise PoseNotFound(
             "This is not the homography of a vertical plane between cameras with these verticals."
         )
-    return best[1]
+    seen = np.array([[0.0, 0.0, 1.0]]) if rays is None else np.asarray(rays, dtype=np.float64)
+    return best[1] if float(np.mean(seen @ best[1].normal > 0)) > 0.5 else _other_side(best[1])
 
 
 def _turns(block: FloatArray) -> list[float]:

@@ -11,7 +11,7 @@ from fresco.core.homography import (
     relative_pose_of_upright_plane,
     relative_poses_from_homography,
 )
-from fresco.core.homography.estimate import _Both, _distances, _flattening, _moment_equations
+from fresco.core.homography.estimate import _Both, _distances, _flattening, _moment_equations, outline_step
 from fresco.core.homography.views import (
     ORDER,
     moment_residuals,
@@ -195,6 +195,19 @@ def test_a_turn_alone_leaves_the_plane_open():
 def test_a_singular_matrix_is_refused():
     with pytest.raises(PoseNotFound, match="singular"):
         relative_poses_from_homography(np.diag([1.0, 1.0, 0.0]))
+    with pytest.raises(PoseNotFound, match="singular"):
+        relative_poses_from_homography(np.full((3, 3), np.nan))
+
+
+def test_a_homography_of_any_scale_is_decomposed():
+    matrix = true_homography(*POSES[:2], "ell")
+    for scale in (1e-6, 1e6):
+        found = relative_poses_from_homography(scale * matrix)
+        assert np.allclose(found[0].rotation, relative_poses_from_homography(matrix)[0].rotation)
+
+
+def test_outlines_that_nothing_is_seen_of_make_no_step():
+    assert np.all(outline_step(np.full(5, np.nan), np.zeros((5, 8)), 3.0) == 0)
 
 
 def test_an_upright_plane_with_known_verticals_has_one_pose():
@@ -207,6 +220,11 @@ def test_an_upright_plane_with_known_verticals_has_one_pose():
     found = relative_pose_of_upright_plane(-2 * (rotation + np.outer(shift, normal)), turn1 @ up, turn2 @ up)
     assert rotation_angle(found.rotation @ rotation.T) < 1e-8
     assert np.allclose(np.outer(found.translation, found.normal), np.outer(shift, normal), atol=1e-8)
+    assert np.linalg.norm(found.normal - normal) < 1e-8  # on the side that the camera looks to
+    behind = relative_pose_of_upright_plane(
+        rotation + np.outer(shift, normal), turn1 @ up, turn2 @ up, -normal[None]
+    )
+    assert np.linalg.norm(behind.normal + normal) < 1e-8
     with pytest.raises(PoseNotFound, match="not the homography of a vertical plane"):
         relative_pose_of_upright_plane(rotation + np.outer(shift, normal), turn1 @ up, np.array([1.0, 0, 0]))
 
@@ -222,6 +240,13 @@ def test_the_plane_from_a_known_pose(with_region):
     true_normal, true_distance = plane(POSES[0], "step")
     assert np.degrees(np.arccos(min(normal @ true_normal, 1.0))) < 0.5
     assert distance == pytest.approx(true_distance, rel=0.005)
+
+
+def test_a_plane_behind_the_second_camera_is_refused():
+    normal, back = np.array([0.0, 0, 1]), np.array([0.0, 0, -2])
+    matrix = np.eye(3) + np.outer(back, normal)
+    with pytest.raises(PoseNotFound, match="No plane before the cameras"):
+        plane_from_homography(matrix, PERSPECTIVE, PERSPECTIVE, np.eye(3), back)
 
 
 def test_no_plane_without_a_baseline():

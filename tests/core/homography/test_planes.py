@@ -6,7 +6,7 @@ from fresco.core.cameras import FisheyeCamera, PerspectiveCamera
 from fresco.core.errors import PoseNotFound, RegionError
 from fresco.core.geometry.rigid import exp_so3, rotation_angle
 from fresco.core.homography import estimate_poses_and_planes
-from fresco.core.homography.network import Link, Network
+from fresco.core.homography.network import Link, Network, reaching
 from fresco.core.homography.views import region_view
 from fresco.core.regions import ImageRegion
 from homography_scenes import POSES, plane, region, relative
@@ -78,6 +78,13 @@ def test_a_camera_without_shared_planes_is_not_placed():
     seen[2] = [None, None, None]
     found = estimate_poses_and_planes([CAMERA] * 3, seen)
     assert np.all(np.isnan(found.rotations[2])) and np.all(np.isfinite(found.rotations[:2]))
+
+
+def test_only_what_reaches_the_reference_counts():
+    view = region_view(CAMERA, region(CAMERA, POSES[0], "ell"))
+    chain = [Link(0, 2, 1, (view, view)), Link(1, 0, 1, (view, view)), Link(2, 3, 4, (view, view))]
+    assert reaching(chain, 0) == chain[:2]
+    assert reaching(chain[2:], 0) == []
 
 
 def test_unusable_input_is_refused():
