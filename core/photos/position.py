@@ -64,7 +64,7 @@ def read_position(path: Path | str, exif: Exif) -> Position | None:
 
     Raises PhotoError when the file cannot be read.
     """
-    if exif.gps is None or exif.gps[:2] == (0.0, 0.0):  # what receivers write that have no fix
+    if exif.gps is None or not _is_fix(*exif.gps[:2]):
         return None
     try:
         numbers = read_xmp(path)
@@ -74,6 +74,11 @@ def read_position(path: Path | str, exif: Exif) -> Position | None:
     held = exif.up or (0.0, -1.0)
     direction = _gimbal(numbers) or _compass(exif, held)
     return Position(*exif.gps, sigma, height_sigma, held, direction)
+
+
+def _is_fix(latitude: float, longitude: float) -> bool:
+    """Whether this is a place with a north; receivers without a fix write zeros, or what is no angle."""
+    return (latitude, longitude) != (0.0, 0.0) and abs(latitude) < 89.9 and abs(longitude) <= 180
 
 
 def _deviations(exif: Exif, numbers: Mapping[str, float]) -> tuple[float, float]:

@@ -22,6 +22,7 @@ _NEXT_HEADING, _NEXT_PITCH, _NEXT_ROLL = 12.0, 8.0, 3.0  # degrees by which the 
 _KNOWN, _BY_HAND = (0.5, 0.01), (3.0, 0.05)  # degrees and share of the distance
 _LEAST_TURN = 15.0  # degrees: a photo of the scan need not show its middle in its middle
 _FAR = 20_000.0  # m: no photo shows a scan from there
+_STEEPEST = 10.0  # of height by distance, as far as a photo looks down at what it shows
 _MOST_TURN = 60.0  # degrees: from here on the direction to the scan tells nothing
 
 
@@ -45,8 +46,8 @@ class RoughPose:
 def pose_from_position(position: Position, world: Georeference, bounds: ArrayLike) -> RoughPose:
     """Rough pose of a photo by its position; `bounds` (2,3), m, are the scan's least and largest coordinates.
 
-    Without a direction it looks at the scan. Its height is where position and scan agree: photos are taken
-    about as high as what they show, and heights of different systems may be far apart.
+    Without a direction it looks at the scan. Its height is where position and scan agree: photos that look
+    level are taken about as high as what they show, and heights of different systems may be far apart.
 
     Raises
     ------
@@ -60,7 +61,7 @@ def pose_from_position(position: Position, world: Georeference, bounds: ArrayLik
         raise PhotoError(
             f"The photo's position lies {away / 1000:,.0f} km from the scan: check the EPSG code (step 1)."
         )
-    height, height_variance = _height(position, world, box)
+    height, height_variance = _height(position, world, box, away)
     centre = np.array([*plane, height])
     direction, source = position.direction, "position and direction in the photo"
     if direction is None:
@@ -109,10 +110,16 @@ def pose_as_known(
     return RoughPose(turn, shift, told + doubt if known else doubt, "its pose")
 
 
-def _height(position: Position, world: Georeference, box: FloatArray) -> tuple[float, float]:
-    """Height of the camera (m) and its variance: what the scan suggests, and the photo's own if it fits."""
+def _height(position: Position, world: Georeference, box: FloatArray, away: float) -> tuple[float, float]:
+    """Height of the camera (m) and its variance: what the scan suggests, and the photo's own if it fits.
+
+    The scan suggests the less, the steeper a photo `away` (m) from its middle looks.
+    """
     middle = float(box[:, 2].mean())
-    variance = (0.5 * float(np.ptp(box[:, 2])) + 2.0) ** 2
+    pitch = 0.0 if position.direction is None else position.direction.pitch
+    steep = min(abs(math.tan(math.radians(pitch))), _STEEPEST)
+    reach = away + 0.5 * float(np.hypot(*np.ptp(box[:, :2], axis=0)))
+    variance = (0.5 * float(np.ptp(box[:, 2])) + 2.0) ** 2 + (steep * reach) ** 2
     told = position.height + world.height_shift
     told_variance = position.height_sigma**2 + world.height_sigma**2
     if not math.isfinite(told + told_variance):
@@ -155,7 +162,8 @@ def _turn_covariance(rotation: FloatArray, direction: Direction, turn_sigma: flo
     """Covariance (3,3), rad², of a rotation: heading about the vertical, pitch, and roll about all axes."""
     vertical = rotation[:, 2]
     level = np.cross(vertical, (0.0, 0.0, 1.0))
-    level = level / max(float(np.linalg.norm(level)), 1e-9)
+    size = float(np.linalg.norm(level))
+    level = level / size if size > 1e-6 else np.array([1.0, 0.0, 0.0])  # looking straight down
     heading = math.radians(direction.heading_sigma) ** 2 + turn_sigma**2
     pitch, roll = math.radians(direction.pitch_sigma) ** 2, math.radians(direction.roll_sigma) ** 2
     covariance: FloatArray = (

@@ -39,6 +39,7 @@ def test_magnetic_directions_are_less_sure_and_places_without_fix_are_none(tmp_p
     assert magnetic.direction.heading_sigma > true.direction.heading_sigma
     assert read(photo_file(tmp_path / "n.jpg", gps=position_tags(48.1, 11.5))).direction is None
     assert read(photo_file(tmp_path / "zero.jpg", gps=position_tags(0.0, 0.0))) is None
+    assert read(photo_file(tmp_path / "pole.jpg", gps=position_tags(90.0, 11.5))) is None
     assert read(photo_file(tmp_path / "none.jpg")) is None
 
 
@@ -120,6 +121,18 @@ def test_a_nadir_photo_has_its_heading_at_the_top_and_a_whole_covariance():
     assert found.rotation[2] == pytest.approx([0, 0, -1], abs=1e-9)
     assert found.rotation[1] == pytest.approx([0.033, -1, 0], abs=0.01)  # down in the photo is south
     assert np.all(np.isfinite(found.covariance)) and np.linalg.eigvalsh(found.covariance)[0] > 0
+
+
+def test_a_drone_that_looks_down_is_as_high_as_it_says():
+    direction = Direction(0.0, -90.0, heading_sigma=4, pitch_sigma=1.5)
+    place = Position(48.1, 11.5, 610.0, 4.0, 8.0, direction=direction)
+    found = pose_from_position(place, georeference_from_epsg(25832), BOX)
+    gap = camera_centre(found.rotation, found.translation)[2] - 610.0
+    assert abs(gap) < 0.1 * math.sqrt(found.covariance[5, 5]) < 6.0
+    below = pose_like_neighbour(found.rotation, found.translation, BOX, "IMG 1")
+    assert np.trace(below.covariance[:3, :3]) == pytest.approx(
+        np.sum(np.radians([12.0, 8.0, 3.0, 3.0, 3.0]) ** 2)
+    )
 
 
 def test_without_direction_a_photo_looks_at_the_scan_unless_it_stands_in_it():
