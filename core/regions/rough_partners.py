@@ -101,7 +101,7 @@ class _Search:
         """Surface regions that may be seen as a shape (3,)."""
         allowed = []
         for j, (expected, spread) in self._expected.items():
-            gap = shape - expected
+            gap = self._gap(shape, expected)
             if gap @ np.linalg.solve(spread + _noise(shape), gap) < _GATE:
                 allowed.append(j)
         return allowed
@@ -150,6 +150,11 @@ class _Search:
     def _shape_at(self, number: int, offset: FloatArray) -> FloatArray:
         return _shape(project_region(self.camera, *self._pose(offset), self.surfaces[number]))
 
+    def _gap(self, shape: FloatArray, expected: FloatArray) -> FloatArray:
+        """Difference of shapes (3,), over the seam of a panorama if that is shorter."""
+        near = self.camera.unwrapped(shape[:2], expected[:2])
+        return np.array([*(near - expected[:2]), shape[2] - expected[2]])
+
     def _linearised(self, number: int, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Shape (3,) of a projected region and its derivatives (3,6)."""
         away = float(np.linalg.norm(self.surfaces[number].centre - self.centre - offset[3:]))
@@ -182,7 +187,7 @@ class _Search:
                 expected, rows = self._linearised(j, offset)
                 weighted = rows.T @ np.linalg.inv(_noise(shape))
                 normal += weighted @ rows
-                right += weighted @ (shape - expected)
+                right += weighted @ self._gap(shape, expected)
             step: FloatArray = np.linalg.solve(normal, right)
             return next(
                 (

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from fresco.core.cameras import EquirectangularCamera
 from fresco.core.geometry.rigid import camera_centre, exp_so3
 from fresco.core.jobs import drain
 from fresco.core.photos.rough_pose import RoughPose
@@ -96,3 +97,15 @@ def test_large_coordinates_make_no_difference(offset):
     pose = RoughPose(rough.rotation, rough.translation - rough.rotation @ shift, COVARIANCE, "test")
     found = drain(propose_rough_partners_job(CAMERA, [pose], seen(), moved))
     assert {(i, j) for i, j, _ in found[0].pairs} == {(0, 2), (1, 0), (2, 1)}
+
+
+def test_over_the_seam_of_a_panorama_it_is_not_far():
+    camera = EquirectangularCamera(2000, 1000)
+    middle = TURN @ WALL[0].centre + SHIFT
+    beside = np.pi - np.radians(9.0) - np.arctan2(middle[0], middle[2])
+    rotation, rough = (exp_so3([0, beside + more, 0]) for more in (0.0, np.radians(18.0)))
+    loop = camera.project(WALL[0].vertices @ (rotation @ TURN).T + rotation @ SHIFT)
+    pose = RoughPose(rough @ TURN, rough @ SHIFT, COVARIANCE, "test")
+    images = [ImageRegion.from_polygon(loop)]
+    (found,) = drain(propose_rough_partners_job(camera, [pose], images, WALL[:1]))
+    assert found.pairs[0][:2] == (0, 0) and found.pairs[0][2] > 0.85
