@@ -72,9 +72,9 @@ def measured(
 def look(creases: Creases, points: FloatArray) -> Surface:
     """What the view shows at pixels (...,2); outside it, nothing."""
     view = creases.view
-    place = np.rint(points).astype(np.int64)
-    inside = np.all((place >= 0) & (place < view.size), axis=-1)
-    cell = np.where(inside, place[..., 1] * view.size + place[..., 0], 0)
+    u, v = np.rint(points[..., 0]), np.rint(points[..., 1])
+    inside = (u >= 0) & (u < view.size) & (v >= 0) & (v < view.size)
+    cell = np.where(inside, v * view.size + u, 0).astype(np.int64)
     seen = view.seen.reshape(-1)[cell] & inside
     normal = view.normal.reshape(-1, 3)[cell] * np.array([1, -1, 1]) * seen[..., None]
     height = view.height.reshape(-1)[cell] * seen

@@ -75,8 +75,8 @@ def front_view(
     picture = [normal, (depth - hit.distance)[:, None]]
     if coloured and index.colour is not None:
         picture.append(index.colour[face])
-    channels = np.where(seen[:, None], np.concatenate(picture, axis=1), 0).astype(np.float32)
-    face[~seen] = -1
+    channels = np.concatenate(picture, axis=1, dtype=np.float32)
+    channels[~seen], face[~seen] = 0, -1
     seen, channels = _filled(seen.reshape(size, size), channels.reshape(size, size, -1))
     normal, height = np.ascontiguousarray(channels[..., :3]), np.ascontiguousarray(channels[..., 3])
     colour = np.ascontiguousarray(channels[..., 4:]) if len(picture) > 2 else None

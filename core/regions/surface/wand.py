@@ -24,7 +24,6 @@ from .robust_fit import SurfaceFit, fit_smooth, plane_through
 from .score import shape_score, stability_score
 
 _GROWTH = 1.4  # ratio of neighbouring tolerances
-_SAME_FIT = 0.5  # noises of the scan by which first fits differ that lead to the same regions
 _NEAR = 3_000  # patches looked at first; all, when a region reaches the border of these
 _SATURATED = 3  # levels in a row
 _COMPARED = 60  # best frames that are compared
@@ -93,10 +92,7 @@ def _grown(
     index: SurfaceIndex, face: int, starts: Sequence[SurfaceFit], settings: RegionSettings
 ) -> tuple[SurfaceLevel, ...]:
     """Levels around a face from the most promising of some first fits."""
-    starts = _unlike(index, face, starts, settings)
-    start = (
-        max(starts, key=lambda fit: _promise(index, face, fit, settings)) if len(starts) > 1 else starts[0]
-    )
+    start = max(starts, key=lambda fit: _promise(index, face, fit, settings))
     tolerances = _tolerances(index, start, settings)
     levels = _levels(index, face, start, tolerances, _NEAR, settings)
     rest = [tolerance for tolerance in tolerances if not levels or tolerance > levels[-1].tolerance]
@@ -187,11 +183,15 @@ def _levels(
     """
     patches = index.patches
     node = int(patches.label[face])
-    away = np.linalg.norm(patches.middle - patches.middle[node], axis=1)
+    gap = patches.middle - patches.middle[node]
+    away = np.sqrt(np.einsum("nk,nk->n", gap, gap))
     radius = float(np.partition(away, limit)[limit]) if limit < len(away) else np.inf
+    near = np.flatnonzero(away <= radius)
     # The first fit is uncertain far from the click.
-    close = np.abs(fit.distance(patches.middle)) < 2.0 * tolerances[-1] + settings.tilt * away
-    piece = part_around(index, node, close & (away <= radius))
+    apart = np.abs(fit.distance(patches.middle[near])) - settings.tilt * away[near]
+    close = np.zeros(len(away), dtype=np.bool_)
+    close[near[apart < 2.0 * tolerances[-1]]] = True
+    piece = part_around(index, node, close)
     if len(piece.node) == 1 and _alone(index, face):
         return []
     levels: list[SurfaceLevel] = []
@@ -219,20 +219,6 @@ def _starts(index: SurfaceIndex, face: int, settings: RegionSettings) -> list[Su
     wide, narrow = settings.seed_patches, settings.seed_patches // 4
     fits = [_fit_around(index, face, _nearest(index, face, count)) for count in (wide, narrow)]
     return [*fits, _fit_around(index, face, _smoothest(index, face, narrow))]
-
-
-def _unlike(
-    index: SurfaceIndex, face: int, starts: Sequence[SurfaceFit], settings: RegionSettings
-) -> list[SurfaceFit]:
-    """First fits without those that hardly differ, around the face, from one before."""
-    places = index.patches.middle[_nearest(index, face, settings.seed_patches)]
-    front = index.smooth_normal[face]
-    heights = [fit.distance(places) * np.sign(fit.normal @ front) for fit in starts]
-    kept: list[int] = []
-    for number, height in enumerate(heights):
-        if all(np.abs(height - heights[other]).max() > _SAME_FIT * index.noise for other in kept):
-            kept.append(number)
-    return [starts[number] for number in kept]
 
 
 def _fit_around(index: SurfaceIndex, face: int, near: IndexArray) -> SurfaceFit:
