@@ -41,7 +41,7 @@ class FRESCO_OT_wand_step(StepOperator):
         if not self._choose(context, context.scene.fresco_marking.wand_steps + self.steps):
             return {"CANCELLED"}
         if self._click.levels.ready(self._wanted).done:
-            return self._write(context)
+            return self.execute(context)
         self._area = context.area
         self._timer = context.window_manager.event_timer_add(_PERIOD, window=context.window)
         context.window_manager.modal_handler_add(self)

@@ -86,18 +86,20 @@ def solve_network_job(
     ties = meet_tracks(network, tracks, surface, settings)
     problem = Problem(tracks, ties, prior, noise, lenses)
     rounds = LAST_ROUNDS if place else FIRST_ROUNDS
+    steps = rounds + (place is not None)
     for number in range(rounds if tracks.count else 0):
         ties = meet_tracks(network, problem.tracks, surface, settings)
         problem = replace(problem, ties=ties)
         # before the last round the scan is met anew and outliers go: no need to be exact
         job = adjust_job(problem, network, least_gain=0.0 if number == LAST_ROUNDS - 1 else 1e-3)
-        network = yield from part(job, number / rounds, (number + 1) / rounds)
+        done = number + (place is not None and number > 0)
+        network = yield from part(job, done / steps, (done + 1) / steps)
         limit = 8.0 if number == 0 else 4.0
         problem, network = without_outliers(problem, network, limit)
         if problem.tracks.count:
             problem = replace(problem, noise=estimate_noise(problem, network))
         if number == 0 and place:
-            placed = yield from part(place(problem, network), 1 / rounds, 2 / rounds)
+            placed = yield from part(place(problem, network), 1 / steps, 2 / steps)
             problem = replace(problem, tracks=placed)
     return Solution(problem, network)
 
