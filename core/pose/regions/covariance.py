@@ -84,7 +84,7 @@ def _curvature(matches: Sequence[Match], weights: Sequence[FloatArray], scale: f
     squared = (np.nan_to_num(np.concatenate([found.distances for found in matches])) / scale) ** 2
     weight = np.concatenate(weights)
     kept = np.sum(weight * (1.0 - 3.0 * squared) / (1.0 + squared))
-    return max(float(kept / weight.sum()), LEAST_CURVATURE)
+    return max(float(kept / max(float(weight.sum()), 1e-300)), LEAST_CURVATURE)
 
 
 @dataclass(frozen=True, eq=False)
