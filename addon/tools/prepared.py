@@ -12,6 +12,7 @@ import numpy as np
 
 from ...core.arrays import ArrayLike, BoolArray, ByteArray, Float32Array, FloatArray, IndexArray, IntArray
 from ...core.errors import PhotoError
+from ...core.geometry.rays import RayCaster
 from ...core.jobs import Job, Progress, part
 from ...core.regions.photo.wand import PhotoWand, prepare_wand_job
 from ...core.regions.surface.cloud_index import index_cloud_job
@@ -31,6 +32,7 @@ class PreparedScan:
     """A scan with what clicks on it need: vertices (V,3) in Blender's world, metres, and faces (F,3)."""
 
     index: SurfaceIndex
+    caster: RayCaster
     vertices: FloatArray
     faces: IntArray
 
@@ -47,7 +49,7 @@ class PreparedScan:
 
     def first_hit(self, origins: FloatArray, towards: FloatArray) -> tuple[IndexArray, FloatArray]:
         """Face that each ray (n,3) m, (n,3) meets first, -1 for none, and its distance (n,), m."""
-        hit = self.index.caster.first_hit(origins - self.index.centre, towards)
+        hit = self.caster.first_hit(origins, towards)
         return hit.face.astype(np.int64), hit.distance.astype(np.float64)
 
     def facing(self, view: ViewGeometry, inside: BoolArray) -> BoolArray:
@@ -58,8 +60,7 @@ class PreparedScan:
         """Which of the faces (n,) a view sees: nothing stands before them, and they look towards it."""
         middle = self._middles[elements]
         seen = view.faces_it(middle, self.index.normal[elements])
-        origin, target = (places - self.index.centre for places in (view.origins(middle[seen]), middle[seen]))
-        seen[seen] = ~self.index.caster.occluded(origin, target)
+        seen[seen] = ~self.caster.occluded(view.origins(middle[seen]), middle[seen])
         return seen
 
     @property
@@ -147,7 +148,9 @@ def _scan_job(
 ) -> Job[PreparedScan | PreparedCloud]:
     if len(faces) == 0:
         return PreparedCloud((yield from index_cloud_job(vertices, colours)), vertices)
-    return PreparedScan((yield from index_surface_job(vertices, faces, colours)), vertices, faces)
+    index = yield from part(index_surface_job(vertices, faces, colours), 0.0, 0.8)
+    yield Progress(0.8, "Preparing clicks")
+    return PreparedScan(index, RayCaster(vertices, faces), vertices, faces)
 
 
 def prepare_scan(scan: bpy.types.Object) -> Preparation[PreparedScan | PreparedCloud]:

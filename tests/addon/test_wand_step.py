@@ -61,7 +61,10 @@ def test_on_the_scan_a_level_takes_its_faces(imported, module):
     )
     wand = module("core.regions.surface.wand")
     found = wand.grow_surface(index, 300)
-    ready = prepared.PreparedScan(index, meshes.read_vertices(scan), meshes.read_any_faces(scan.data))
+    caster = module("core.geometry.rays").RayCaster(
+        meshes.read_vertices(scan), meshes.read_any_faces(scan.data)
+    )
+    ready = prepared.PreparedScan(index, caster, meshes.read_vertices(scan), meshes.read_any_faces(scan.data))
     region = scene.fresco.region_named("red panel")
     levels = module("addon.tools.scan").ScanClick(ready, found, region.uid, "replace", None)
     prepared.STORE.click = prepared.LastClick(levels, "VIEW_3D")

@@ -59,32 +59,10 @@ def index_cloud_job(points: ArrayLike, colours: ArrayLike | None = None) -> Job[
     area = np.pi * away**2 / _LINKED
     colour = None if colours is None else byte_colours(np.asarray(colours, dtype=np.uint8))
     patches = surface_patches(local, normal, area, pair, spacing, colour)
-    yield Progress(0.9, "Making it visible")
-    corners = _discs(local, normal, area).astype(np.float32)
-    triangles = np.arange(3 * len(local), dtype=np.int32).reshape(-1, 3)
-    index = SurfaceIndex(
+    return SurfaceIndex(
         centre, local.astype(np.float32), normal.astype(np.float32), normal.astype(np.float32), area,
-        noise, spacing, colour, patches, corners, triangles,
+        noise, spacing, colour, patches,
     )  # fmt: skip
-    _ = index.caster  # built here, not at the first click
-    return index
-
-
-def _discs(points: FloatArray, normal: FloatArray, area: FloatArray) -> FloatArray:
-    """Corners (3N,3) m of a triangle around every point (N,3), large enough to leave no gaps."""
-    across = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal), axis=1)])
-    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
-    along = np.cross(normal, across)
-    # The inscribed circle has twice the area that the point stands for.
-    radius = 2 * np.sqrt(2 * area / np.pi)[:, None]
-    corners: FloatArray = np.stack(
-        [
-            points + radius * (np.cos(turn) * across + np.sin(turn) * along)
-            for turn in np.radians([90, 210, 330])
-        ],
-        axis=1,
-    ).reshape(-1, 3)
-    return corners
 
 
 def index_cloud(points: ArrayLike, colours: ArrayLike | None = None) -> SurfaceIndex:

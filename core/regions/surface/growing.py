@@ -26,8 +26,7 @@ _SETTLED = 0.01  # share of a region's patches that may change without another r
 class SurfaceLevel:
     """A region within `tolerance` m of one smooth surface `fit` (local coordinates of the index).
 
-    `patches` (n,) of the index, `area` m², `score` (higher is better). A frame has a convex `outline` (n,2) m
-    in the plane of its fit, a grown region has none.
+    `patches` (n,) of the index, `area` m², `score` (higher is better).
     """
 
     patches: IndexArray
@@ -35,7 +34,6 @@ class SurfaceLevel:
     tolerance: float
     score: float
     fit: SurfaceFit
-    outline: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)

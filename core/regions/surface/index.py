@@ -11,7 +11,7 @@ import numpy as np
 from ...arrays import AnyArray, ArrayLike, Float32Array, FloatArray, IndexArray, IntArray
 from ...errors import RegionError
 from ...geometry.meshes import edge_pairs, face_normals
-from ...geometry.rays import RayCaster, local_centre
+from ...geometry.rays import local_centre
 from ...jobs import Job, Progress, drain
 from .graph import from_neighbours
 from .patches import SurfacePatches, surface_patches
@@ -28,7 +28,7 @@ class SurfaceIndex:
     `centre` (3,) m is the origin of `middle` (F,3), the faces' centroids; `normal` (F,3) unit,
     `smooth_normal` (F,3) the same averaged over neighbours; `area` (F,) m²; `pair` (E,2) neighbouring faces;
     `noise` m the scan's own roughness; `spacing` m the median distance of neighbouring centroids; `colour`
-    (F,3) CIELAB or None. `vertices` (V,3) m and `triangles` (F,3) are what is seen of it.
+    (F,3) CIELAB or None.
     """
 
     centre: FloatArray
@@ -40,8 +40,6 @@ class SurfaceIndex:
     spacing: float
     colour: Float32Array | None
     patches: SurfacePatches
-    vertices: Float32Array
-    triangles: IntArray
 
     @property
     def face_count(self) -> int:
@@ -56,11 +54,6 @@ class SurfaceIndex:
             return 0.0
         first, second = patches.pair.T
         return float(np.median(np.linalg.norm(patches.colour[first] - patches.colour[second], axis=1)))
-
-    @cached_property
-    def caster(self) -> RayCaster:
-        """The scan made ready for views of it."""
-        return RayCaster(self.vertices, self.triangles)
 
     @property
     def pair(self) -> IntArray:
@@ -106,13 +99,10 @@ def index_surface_job(
         colour = byte_colours(np.asarray(colours, dtype=np.uint8)[triangles].mean(axis=1))
     yield Progress(0.8, "Joining faces to patches")
     patches = surface_patches(middle, smoother, area, pair, spacing, colour)
-    yield Progress(0.9, "Making it visible")
-    index = SurfaceIndex(
+    return SurfaceIndex(
         centre, middle.astype(np.float32), normal.astype(np.float32), smooth.astype(np.float32), area,
-        noise, spacing, colour, patches, local.astype(np.float32), triangles.astype(np.int32),
+        noise, spacing, colour, patches,
     )  # fmt: skip
-    _ = index.caster  # built here, not at the first click
-    return index
 
 
 def index_surface(vertices: ArrayLike, faces: ArrayLike, colours: ArrayLike | None = None) -> SurfaceIndex:

@@ -42,9 +42,6 @@ class SurfaceFit:
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Signed distances (N,) m of points (N,3), along the plane's normal."""
-        if not self.curved:
-            above: FloatArray = (points - self.centre) @ self.normal
-            return above
         local = (points - self.centre) @ self.axes.T
         distance: FloatArray = local[:, 2] - _second_order(local[:, :2]) @ self.bend
         return distance
@@ -79,43 +76,41 @@ def fit_plane(points: FloatArray, share: float = 0.6, starts: int = _STARTS, see
     count = min(max(4, int(share * len(points))), len(points))
     origin = points.mean(axis=0)
     local = points - origin
-    found = [_concentrated(local, np.arange(len(local))[None], count)]
-    if starts and len(points) > 8:
-        random = np.array([rng.choice(len(local), 4, replace=False) for _ in range(starts)])
-        found.append(_concentrated(local, random, count))
-    centre, axes, scatter = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    best = int(np.argmin(scatter))
-    distance = (local - centre[best]) @ axes[best, 2]
+    best = _concentrated(local, np.arange(len(local)), count)
+    for _ in range(starts if len(points) > 8 else 0):
+        start = rng.choice(len(local), 4, replace=False)
+        found = _concentrated(local, start, count)
+        if found[2] < best[2]:
+            best = found
+    centre, axes, _ = best
+    distance = (local - centre) @ axes[2]
     sigma = 1.4826 * float(np.median(np.abs(distance)))
-    return SurfaceFit(centre[best] + origin, axes[best], np.zeros(6), sigma)
+    return SurfaceFit(centre + origin, axes, np.zeros(6), sigma)
 
 
-def _concentrated(
-    points: FloatArray, start: IndexArray, count: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Centres (S,3), axes (S,3,3) and objectives (S,) after concentration steps from S subsets (S,k).
+def _concentrated(points: FloatArray, start: IndexArray, count: int) -> tuple[FloatArray, FloatArray, float]:
+    """Centre, axes and objective after concentration steps.
 
     The points nearest to the plane make the next plane.
 
     The objective is the smallest eigenvalue: across the plane the scatter shall be least, along it it may
     be wide.
     """
-    chosen, before = start, np.full(len(start), np.inf)
-    for step in range(_STEPS):
+    chosen = start
+    centre, axes, objective = np.zeros(3), np.eye(3), np.inf
+    for _ in range(_STEPS):
         some = points[chosen]
-        centre = some.mean(axis=1)
-        off = some - centre[:, None]
-        values, axes = np.linalg.eigh(off.swapaxes(1, 2) @ off / some.shape[1])
-        # With as many points as before the objective never rises: it has come to rest.
-        rests = some.shape[1] == count and np.all(values[:, 0] > 0.999 * before)
-        if rests or step == _STEPS - 1:
-            break
-        before = values[:, 0] if some.shape[1] == count else before
-        distance = np.abs((points - centre[:, None]) @ axes[:, :, :1])[..., 0]
-        chosen = np.argpartition(distance, count - 1, axis=1)[:, :count]
-    axes = axes.swapaxes(1, 2)[:, ::-1].copy()
-    axes[:, 1] = np.cross(axes[:, 2], axes[:, 0])
-    return centre, axes, values[:, 0]
+        centre = some.mean(axis=0)
+        off = some - centre
+        values, vectors = np.linalg.eigh(off.T @ off / len(some))
+        if len(some) == count and values[0] > 0.999 * objective:
+            break  # with as many points as before the objective never rises: it has come to rest
+        axes = vectors.T[::-1].copy()
+        axes[1] = np.cross(axes[2], axes[0])
+        objective = float(values[0]) if len(some) == count else np.inf
+        distance = np.abs((points - centre) @ axes[2])
+        chosen = np.argpartition(distance, count - 1)[:count]
+    return centre, axes, objective
 
 
 def fit_quadric(points: FloatArray, plane: SurfaceFit) -> SurfaceFit:

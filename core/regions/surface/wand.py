@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from heapq import heappop, heappush
 
@@ -12,11 +11,7 @@ import numpy as np
 from ...arrays import FloatArray, IndexArray
 from ...errors import RegionError
 from ...settings import RegionSettings
-from ..photo.choice import expected_overlaps, overlaps
-from . import evidence
 from .border import refined_border
-from .candidates import Candidates, find_candidates, framed_views
-from .framed import framed_faces, framed_level
 from .graph import reduced_pairs
 from .growing import SurfaceLevel, grown_level, part_around
 from .index import SurfaceIndex
@@ -26,8 +21,6 @@ from .score import shape_score, stability_score
 _GROWTH = 1.4  # ratio of neighbouring tolerances
 _NEAR = 3_000  # patches looked at first; all, when a region reaches the border of these
 _SATURATED = 3  # levels in a row
-_COMPARED = 60  # best frames that are compared
-_ALIKE = 0.92  # overlap above which frames are the same
 _MORE = 1.01  # growth of the area below which they count as the same
 
 
@@ -56,42 +49,9 @@ def grow_surface(index: SurfaceIndex, face: int, settings: RegionSettings | None
         The face does not exist, or it is a loose triangle.
     """
     settings = settings or RegionSettings()
-    levels, found = clicked_candidates(index, face, settings)
-    if not found.loops:  # too few faces to be looked at
-        return SurfaceClick(face, levels, int(np.argmax([level.score for level in levels])))
-    score = found.evidence @ np.array(list(evidence.WEIGHTS.values()))
-    best = int(np.argmax(expected_overlaps(found.loops, score, evidence.DOUBT)))
-    kept = _distinct_frames(found, score, best, settings.surface_frames)
-    frames = [framed_level(index, found.plane, found.loops[k], float(score[k])) for k in kept]
-    offered = [*frames, *levels]
-    taken = frames[kept.index(best)] if best in kept else levels[found.level[best]]
-    ordered = sorted(offered, key=lambda level: level.area)
-    return SurfaceClick(face, tuple(ordered), ordered.index(taken))
-
-
-def clicked_candidates(
-    index: SurfaceIndex, face: int, settings: RegionSettings | None = None
-) -> tuple[tuple[SurfaceLevel, ...], Candidates]:
-    """Grown levels around a face by growing tolerance, and all that a click there may mean.
-
-    Raises RegionError as `grow_surface` does.
-    """
-    settings = settings or RegionSettings()
     if not 0 <= face < index.face_count:
         raise RegionError("The click is not on the scan.")
     starts = _starts(index, face, settings)
-    plane = _front_plane(index, face, starts[0])
-    # Growing and looking do not need one another, and much of both leaves the interpreter to the other.
-    with ThreadPoolExecutor(2) as pool:
-        views = framed_views(index, plane, settings, pool)
-        levels = _grown(index, face, starts, settings)
-        return levels, find_candidates(index, plane, [view.result() for view in views], levels)
-
-
-def _grown(
-    index: SurfaceIndex, face: int, starts: Sequence[SurfaceFit], settings: RegionSettings
-) -> tuple[SurfaceLevel, ...]:
-    """Levels around a face from the most promising of some first fits."""
     start = max(starts, key=lambda fit: _promise(index, face, fit, settings))
     tolerances = _tolerances(index, start, settings)
     levels = _levels(index, face, start, tolerances, _NEAR, settings)
@@ -104,33 +64,8 @@ def _grown(
         raise RegionError(
             "This is a loose triangle without neighbours: click on the surface, or use the brush."
         )
-    return _rated(levels)
-
-
-def _distinct_frames(found: Candidates, score: FloatArray, best: int, count: int) -> list[int]:
-    """Numbers of the best frames, each unlike the ones before; first `best`, if it is one."""
-    frames = [k for k in np.argsort(-score, kind="stable").tolist() if found.level[k] < 0 and k != best]
-    frames = frames[:_COMPARED]
-    if found.level[best] < 0:
-        frames.insert(0, best)
-    if not frames:
-        return []
-    shared = overlaps([found.loops[k] for k in frames])
-    kept: list[int] = []
-    for number in range(len(frames)):
-        if len(kept) < count and shared[number, kept].max(initial=0.0) < _ALIKE:
-            kept.append(number)
-    return [frames[number] for number in kept]
-
-
-def _front_plane(index: SurfaceIndex, face: int, fit: SurfaceFit) -> SurfaceFit:
-    """Plane of a first fit, its centre below the clicked face, its normal to the side that was clicked."""
-    centre = index.middle[face].astype(np.float64)
-    centre = centre - plane_through(fit.centre, fit.normal).distance(centre[None])[0] * fit.normal
-    turn = np.array(
-        [[1.0], [1.0], [1.0]] if fit.normal @ index.smooth_normal[face] >= 0 else [[-1.0], [1.0], [-1.0]]
-    )
-    return SurfaceFit(centre, fit.axes * turn, np.zeros(6), fit.sigma)
+    rated = _rated(levels)
+    return SurfaceClick(face, rated, int(np.argmax([level.score for level in rated])))
 
 
 def _tolerances(index: SurfaceIndex, start: SurfaceFit, settings: RegionSettings) -> list[float]:
@@ -163,8 +98,6 @@ def _saturated(levels: Sequence[SurfaceLevel]) -> bool:
 
 def region_faces(index: SurfaceIndex, face: int, level: SurfaceLevel) -> IndexArray:
     """Faces (n,) of a level, its border exact to the face: sorted numbers; `face` is the clicked one."""
-    if level.outline is not None:
-        return np.flatnonzero(framed_faces(index, level))
     return np.flatnonzero(refined_border(index, level.patches, level.fit, level.tolerance))
 
 
@@ -183,15 +116,11 @@ def _levels(
     """
     patches = index.patches
     node = int(patches.label[face])
-    gap = patches.middle - patches.middle[node]
-    away = np.sqrt(np.einsum("nk,nk->n", gap, gap))
+    away = np.linalg.norm(patches.middle - patches.middle[node], axis=1)
     radius = float(np.partition(away, limit)[limit]) if limit < len(away) else np.inf
-    near = np.flatnonzero(away <= radius)
     # The first fit is uncertain far from the click.
-    apart = np.abs(fit.distance(patches.middle[near])) - settings.tilt * away[near]
-    close = np.zeros(len(away), dtype=np.bool_)
-    close[near[apart < 2.0 * tolerances[-1]]] = True
-    piece = part_around(index, node, close)
+    close = np.abs(fit.distance(patches.middle)) < 2.0 * tolerances[-1] + settings.tilt * away
+    piece = part_around(index, node, close & (away <= radius))
     if len(piece.node) == 1 and _alone(index, face):
         return []
     levels: list[SurfaceLevel] = []
