@@ -32,15 +32,14 @@ def poses():
 
 
 def only_steps(*names):
-    """Open these steps' panels and close the others, so that their buttons are in sight."""
-    for panel in ("scan", "photos", "regions", "pose", "refine", "texture"):
-        cls = getattr(bpy.types, f"FRESCO_PT_{panel}")
-        if panel in names:
-            cls.bl_options = set()
-        else:
-            cls.bl_options = {"DEFAULT_CLOSED"}
-        bpy.utils.unregister_class(cls)
-        bpy.utils.register_class(cls)
+    """Leave these steps in the sidebar and take the others out, so that their buttons are in sight."""
+    panels = [cls for base in bpy.types.Panel.__subclasses__() for cls in (base, *base.__subclasses__())]
+    ours = {cls for cls in panels if cls.__name__.startswith("FRESCO_PT_") and cls.is_registered}
+    kept = {f"FRESCO_PT_{name}" for name in names}
+    in_view = [cls for cls in ours if cls.bl_space_type == "VIEW_3D"]
+    for cls in sorted(in_view, key=lambda cls: not getattr(cls, "bl_parent_id", "")):  # children first
+        if not kept & {cls.__name__, getattr(cls, "bl_parent_id", "")}:
+            bpy.utils.unregister_class(cls)
 
 
 def open_project(ui):
