@@ -26,10 +26,10 @@ LENS = {
     "tangential": (0.0006, -0.0004),
 }
 PHOTO = "01_overview.jpg"
-CLICKS = {"annunciation": ((1007, 417), -210), "tablet": ((219, 573), 56)}
+CLICKS = {"annunciation": ((1104, 376), -210), "tablet": ((217, 628), 56), "saint": ((443, 480), 0)}
 """Region -> pixel of the photo that is pressed, pixels of the screen that are dragged."""
 ON_SCAN = {"annunciation": (3.49, 0.005, 1.72), "tablet": (0.035, -0.57, 1.16), "saint": (0.62, 0.01, 1.84)}
-KEYS = 6  # presses of plus or minus within which the outline that fits best is looked for
+KEYS = 10  # presses of plus or minus within which the outline that fits best is looked for
 
 
 def picture(ui, name, areas=(), width=WIDTH):
@@ -109,7 +109,7 @@ def region(ui, fresco, area):
 
 
 def from_photo_to_pose(ui, sample):
-    """Mark two regions in an unposed photo and on the scan by the wands alone; solve, and refine."""
+    """Mark three regions in an unposed photo and on the scan by the wands alone; solve, and refine."""
     photo, scan = yield from workspace(ui, sample)
     areas = photo, scan
     picture(ui, "clicks-1", areas)
