@@ -61,7 +61,7 @@ Mean of what `python tests/benchmarks/wand_weights.py` learned on ninety facades
 and pilasters, on sixty. On facades held out of three folds of the ninety, the outline that their own weights
 choose has an overlap (IoU) of 0.87 in the median for clicks near the middle (mean 0.74) and 0.83 for clicks
 anywhere (0.70), the best outline of all one of 0.93; the weights of the sixty reach 0.84 (0.74) and 0.83
-(0.69) on the ninety.
+(0.68) on the ninety.
 """
 
 DOUBT = 1.5
