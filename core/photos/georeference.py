@@ -15,6 +15,7 @@ from .position import Position
 
 _GEOID = 50.0  # m: heights above the sea and above the ellipsoid differ by up to twice as much
 _DATUM = 2.0  # m: within that the datums of the zones are one
+_CONTRADICTION = 4.0  # standard deviations by which no position is off
 _LEAST_CONCENTRATION = 4.0  # 1/rad²: below, the turn is uncertain by more than half a radian
 
 
@@ -94,7 +95,7 @@ def georeference_from_photos(photos: Sequence[PlacedPhoto]) -> Georeference:
     Raises
     ------
     PhotoError
-        No photos, or too close together for their errors.
+        No photos, too close together for their errors, or places that contradict each other.
     """
     if not photos:
         raise PhotoError(
@@ -106,6 +107,7 @@ def georeference_from_photos(photos: Sequence[PlacedPhoto]) -> Georeference:
     centres = np.array([photo.centre[:2] for photo in photos])
     weights = np.array([photo.position.sigma**-2.0 for photo in photos])
     anchor, shift = np.average(plane, axis=0, weights=weights), np.average(centres, axis=0, weights=weights)
+    _check_distances(plane - anchor, centres - shift, weights)
     tells = _baselines(plane - anchor, centres - shift, weights)
     tells += sum(_compass_turn(projection, photo) for photo in photos)
     if abs(tells) < _LEAST_CONCENTRATION:
@@ -118,6 +120,17 @@ def georeference_from_photos(photos: Sequence[PlacedPhoto]) -> Georeference:
     sigma = float(weights.sum() ** -0.5)
     turn = float(np.angle(tells))
     return Georeference(projection, anchor, shift, turn, sigma, turn_sigma, rise, rise_sigma)
+
+
+def _check_distances(plane: FloatArray, centres: FloatArray, weights: FloatArray) -> None:
+    """Refuse photos whose distances from their middle in the scan are not those of their positions."""
+    off = np.abs(np.linalg.norm(plane, axis=1) - np.linalg.norm(centres, axis=1))
+    worst = int(np.argmax(off * np.sqrt(weights)))
+    if off[worst] * math.sqrt(weights[worst]) > _CONTRADICTION:
+        raise PhotoError(
+            f"The solved photos stand otherwise in the scan than positions tell, by {off[worst]:.1f} m: "
+            "check their poses and that the scan is in metres, or give the EPSG code of the scan (step 1)."
+        )
 
 
 def _baselines(plane: FloatArray, centres: FloatArray, weights: FloatArray) -> complex:

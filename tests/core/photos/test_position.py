@@ -1,6 +1,7 @@
 """Positions and directions that photos tell, and the rough poses that they give: against known places."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -186,6 +187,14 @@ def test_one_solved_photo_gives_the_turn_by_its_direction():
     assert plane == pytest.approx(other.centre[:2], abs=0.05)
     away = math.radians(told.heading_sigma) * math.hypot(6, 3)
     assert math.sqrt(np.linalg.eigvalsh(covariance)[1]) == pytest.approx(math.hypot(0.5, 0.5, away), rel=0.01)
+
+
+def test_photos_that_stand_otherwise_in_the_scan_are_refused():
+    one, other = placed(0, 0, 0.3), placed(40, 0, 0.3)
+    nearer = replace(other, centre=other.centre * [0.5, 0.5, 1.0])
+    georeference_from_photos([one, other])
+    with pytest.raises(PhotoError, match=r"stand otherwise in the scan .* by \d+\.\d m: check their poses"):
+        georeference_from_photos([one, nearer])
 
 
 def test_photos_that_tell_no_turn_are_refused():
