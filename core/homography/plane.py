@@ -10,6 +10,7 @@ from ..errors import PoseNotFound
 from ..regions import ImageRegion
 from .views import region_view
 
+_CONTRADICTION = 0.1  # of a region's spread, by which a plane may miss its homography
 _GRID = 12  # rays along each side of a photo
 
 
@@ -30,7 +31,8 @@ def plane_from_homography(
     Raises
     ------
     PoseNotFound
-        The cameras stand at one place, or no plane before them gives this homography.
+        The cameras stand at one place, no plane before them gives this homography, or none does with this
+        pose (told only where `image_region1` says where the homography is exact).
 
     Source: `matrix ~ R + t mᵀ` is linear in `m = n / d`: least squares of `H r x (R r + t m.r)` over rays, in
     place of the derivatives of method.md 5.2.
@@ -50,8 +52,21 @@ def plane_from_homography(
     seen = np.all(np.isfinite(camera2.project(carried)), axis=1)
     if not size > 0 or not np.mean(before) > 0.5 or not np.any(before & seen):
         raise PoseNotFound("No plane before the cameras gives this homography with this pose between them.")
+    if image_region1 is not None and _misfit(mapped, carried) > _CONTRADICTION:
+        raise PoseNotFound(
+            "The homography and the pose between the cameras contradict each other: check which of them is "
+            "right."
+        )
     normal: FloatArray = inverse_normal / size
     return normal, 1.0 / size
+
+
+def _misfit(mapped: FloatArray, carried: FloatArray) -> float:
+    """How far two bundles of rays (n,3), the first unit, lie apart, as a share of the first one's spread."""
+    unit = carried / np.linalg.norm(carried, axis=1, keepdims=True)
+    unit *= np.sign(np.sum(unit * mapped))  # a homography has no sign
+    spread = np.sum((mapped - mapped.mean(axis=0)) ** 2)
+    return float(np.sqrt(np.sum((mapped - unit) ** 2) / spread))
 
 
 def _rays(camera: Camera, region: ImageRegion | None) -> FloatArray:

@@ -252,3 +252,13 @@ def test_a_plane_behind_the_second_camera_is_refused():
 def test_no_plane_without_a_baseline():
     with pytest.raises(PoseNotFound, match="one place"):
         plane_from_homography(np.eye(3), PERSPECTIVE, PERSPECTIVE, np.eye(3), np.zeros(3))
+
+
+def test_a_pose_that_contradicts_the_homography_is_refused():
+    images = [region(PERSPECTIVE, pose, "step") for pose in POSES[:2]]
+    rotation, translation = relative(*POSES[:2])
+    with pytest.raises(PoseNotFound, match="contradict each other"):
+        plane_from_homography(
+            true_homography(*POSES[:2], "step"), PERSPECTIVE, PERSPECTIVE,
+            exp_so3([0.0, 0.0, 0.3]) @ rotation, translation, images[0],
+        )  # fmt: skip
