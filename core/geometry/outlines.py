@@ -141,7 +141,8 @@ def _within(loop: FloatArray, around: FloatArray) -> bool:
     ends = np.roll(around, -1, axis=0)
     v = loop[:, 1, None]
     spans = (around[:, 1] <= v) != (ends[:, 1] <= v)
-    slope = np.divide(ends[:, 0] - around[:, 0], ends[:, 1] - around[:, 1], where=ends[:, 1] != around[:, 1])
+    rise = ends[:, 1] - around[:, 1]  # level edges span no v, whatever their slope
+    slope = (ends[:, 0] - around[:, 0]) / np.where(rise != 0, rise, 1.0)
     crossing = around[:, 0] + slope * (v - around[:, 1])
     inside = np.count_nonzero(spans & (crossing > loop[:, 0, None]), axis=1) % 2 == 1
     return bool(np.mean(inside) > 0.5)
